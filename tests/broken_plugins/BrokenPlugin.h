@@ -12,7 +12,7 @@ class Filter : public viable::SafetyFilter {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters&) override { tick_s_ = setup.tick_s; }
     void reset(const viable::MotionState&) override { ticks_ = 0; }
-    bool guaranteesLimits() const override { return false; }
+    viable::FilterTraits traits() const override { return {}; }
     viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override;
 
 protected:
@@ -45,7 +45,7 @@ class Controller : public viable::NominalController {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters&) override {}
     void reset(const viable::MotionState&) override { ticks_ = 0; }
-    bool follows(viable::MotionCommand::Space) const override { return true; }
+    viable::ControllerTraits traits() const override { return {true, true}; }
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
         ++ticks_;
         output.torque = input.dynamics.b;

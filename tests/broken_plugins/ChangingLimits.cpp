@@ -39,7 +39,7 @@ public:
         isGiven_ = false;
         random_.seed(7);
     }
-    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
+    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         if (sleep_us_ > 0)
             std::this_thread::sleep_for(

@@ -10,8 +10,8 @@ constexpr viable::ParameterSpec kParameters[] = {
     broken::kAfterTicks,
     viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance", "faulted",
                               "How it fails."),
-    viable::parameter::integer("delay_ticks", "0", "What delayTicks() tells."),
-    viable::parameter::integer("rates", "0", "How many numbers motorRate() gives."),
+    viable::parameter::integer("delay_ticks", "0", "What its traits() tell."),
+    viable::parameter::integer("rates", "0", "How many numbers its motorRate has."),
     viable::parameter::number("rate_Nmps", "Nm/s", "1000", "Each of them.")};
 
 /** Stands still until it fails. */
@@ -23,8 +23,7 @@ public:
         delayTicks_ = static_cast<int>(parameters.integer("delay_ticks"));
         rate_.setConstant(parameters.integer("rates"), parameters.number("rate_Nmps"));
     }
-    int delayTicks() const override { return delayTicks_; }
-    viable::JointVector motorRate() const override { return rate_; }
+    viable::PlantTraits traits() const override { return {viable::Encoder::Counts, delayTicks_, rate_}; }
     void reset(const viable::MotionState& start) override {
         ticks_ = 0;
         state_ = {start.q, start.qd};

@@ -41,9 +41,11 @@ public:
         brakes_ = false;
         for (int i = 0; i < start.q.size(); ++i) stops_[i].plan(start.qd[i], start.qdd[i], limits_.axis(i), tick_s_);
     }
-    bool guaranteesClearance() const override { return clearanceTicks_ > 0; }
-    bool guaranteesLimits() const override { return true; }
-    bool recovers() const override { return recovers_; }
+    viable::FilterTraits traits() const override {
+        viable::FilterTraits traits{viable::LimitSet::joints(), recovers_};
+        traits.guarantees.set(viable::LimitKind::Clearance, clearanceTicks_ > 0);
+        return traits;
+    }
     bool changeLimits(const viable::JointLimits& limits) override {
         limits_ = limits;
         brakes_ = true;
@@ -73,8 +75,13 @@ public:
         if (lies) spoil(decision.stops[n - 1], expected_.qd[n - 1], expected_.qdd[n - 1], n - 1);
         decision.hasStops = hasSuppliedStops_;
         if (ticks_ <= clearanceTicks_) {  // later it leaves the decision as it comes
-            decision.clearance = {true, 0.25, 0, 0, -1, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}};
-            decision.mapAge_s = 0.125;
+            viable::LimitReport& nearest = decision.reports[viable::LimitKind::Clearance];
+            nearest.isKnown = true;
+            nearest.margin = 0.25;
+            nearest.link = nearest.other = 0;
+            nearest.onArm = {1.0, 2.0, 3.0};
+            nearest.onOther = {4.0, 5.0, 6.0};
+            nearest.age_s = 0.125;
         }
         if (lies && lie_ == "limit") decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
         if (lies && lie_ == "side") decision.joints[n - 1].side = static_cast<viable::LimitSide>(-7);

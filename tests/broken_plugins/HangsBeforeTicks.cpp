@@ -15,9 +15,9 @@ public:
         Filter::configure(setup, parameters);
         hangIf("configured");
     }
-    bool guaranteesLimits() const override {
+    viable::FilterTraits traits() const override {
         hangIf("asked");
-        return false;
+        return {};
     }
     void reset(const viable::MotionState& start) override {
         Filter::reset(start);

@@ -13,7 +13,7 @@ public:
         every_s_ = parameters.number("every_s");
     }
     void reset(const viable::MotionState& start) override { start_ = start.q; }
-    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
+    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         const double offsets[] = {0.0, 6.283185307179586, 0.0, 1e6, -1e6};  // [rad]
         const auto jumps = static_cast<std::int64_t>(std::floor(t / every_s_));

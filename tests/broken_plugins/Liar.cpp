@@ -4,7 +4,7 @@ namespace {
 
 class Liar : public broken::Filter {
 public:
-    bool guaranteesLimits() const override { return true; }
+    viable::FilterTraits traits() const override { return {viable::LimitSet::joints()}; }
 };
 
 }  // namespace

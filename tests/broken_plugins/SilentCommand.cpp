@@ -13,7 +13,7 @@ public:
         ticks_ = 0;
         start_ = start.q;
     }
-    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
+    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double, viable::MotionCommand& out) override {
         if (++ticks_ > afterTicks_) return viable::TickStatus::Faulted;
         out.space = viable::MotionCommand::Space::Joint;

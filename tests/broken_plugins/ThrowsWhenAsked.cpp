@@ -5,7 +5,7 @@
 namespace {
 
 class ThrowsWhenAsked : public broken::Filter {
-    bool guaranteesLimits() const override { throw std::runtime_error("who knows"); }
+    viable::FilterTraits traits() const override { throw std::runtime_error("who knows"); }
 };
 
 }  // namespace

@@ -31,7 +31,7 @@ public:
         page_ = static_cast<viable::test::WitnessPage*>(memory);
     }
     void reset(const viable::MotionState& start) override { start_ = start.q; }
-    viable::MotionCommand::Space space() const override { return viable::MotionCommand::Space::Joint; }
+    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         using Clock = std::chrono::steady_clock;
         if (paced_) {

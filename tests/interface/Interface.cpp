@@ -3,19 +3,19 @@
 #include "viable/environment/People.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/BrakingPolicyFilter.h"
+#include "viable/limits/ArmLimit.h"
 #include "viable/plugin/PluginExport.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/simulation/ArmHardware.h"
 
-extern "C" VIABLE_PLUGIN_VISIBLE void viable_interface(const viable::PluginLibrary*, viable::CommandSource*,
-                                                       viable::NominalController*, viable::SafetyFilter*,
-                                                       viable::RobustLoop*, viable::RealPlant*,
-                                                       viable::JerkIntervalFilter*, viable::BrakingPolicyFilter*,
-                                                       viable::ArmHardware*, viable::SurroundingsFeed*,
-                                                       const viable::Surroundings*, viable::PeopleFeed*,
-                                                       const viable::ArmGeometry*);
+extern "C" VIABLE_PLUGIN_VISIBLE void viable_interface(
+    const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*, viable::SafetyFilter*,
+    viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*, viable::BrakingPolicyFilter*,
+    viable::ArmHardware*, viable::SurroundingsFeed*, const viable::Surroundings*, viable::PeopleFeed*,
+    const viable::ArmGeometry*, viable::ArmLimit*, const viable::LimitRow*);
 
 void viable_interface(const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*,
                       viable::SafetyFilter*, viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*,
                       viable::BrakingPolicyFilter*, viable::ArmHardware*, viable::SurroundingsFeed*,
-                      const viable::Surroundings*, viable::PeopleFeed*, const viable::ArmGeometry*) {}
+                      const viable::Surroundings*, viable::PeopleFeed*, const viable::ArmGeometry*, viable::ArmLimit*,
+                      const viable::LimitRow*) {}

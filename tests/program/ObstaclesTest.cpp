@@ -67,11 +67,11 @@ TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
         EXPECT_EQ(judged.result.summary.ticksWith(FilterStatus::Infeasible), 0);
         EXPECT_EQ(judged.inCollision, 0);
         EXPECT_GE(judged.least_m, 0.02 - kAllowed_m);
-        EXPECT_EQ(judged.result.summary.collisions()->nominal.ticksInCollision, 0);
-        EXPECT_EQ(judged.result.summary.collisions()->nominal.ticksTooNear, 0);
+        EXPECT_EQ(judged.result.summary.account(LimitKind::Clearance)->nominal.brokenTicks, 0);
+        EXPECT_EQ(judged.result.summary.account(LimitKind::Clearance)->nominal.nearTicks, 0);
         least = std::min(least, judged.least_m);
         const CaseResult bare = experiment.run("joints_only");
-        collided += bare.summary.collisions()->nominal.ticksInCollision > 0;
+        collided += bare.summary.account(LimitKind::Clearance)->nominal.brokenTicks > 0;
     }
     std::printf("  %d runs of 20 s: without the filter %d collided; with it the least clearance is %.2f mm\n", runs,
                 collided, 1e3 * least);
@@ -143,7 +143,7 @@ TEST(Obstacles, ARealMapWithUnknownSpaceOccupiedOrFree) {
             EXPECT_EQ(judged.inCollision, 0);
             EXPECT_GE(judged.least_m, 0.02 - kAllowed_m);
             const CaseResult bare = experiment.run("joints_only");
-            const std::int64_t collided = bare.summary.collisions()->nominal.ticksInCollision;
+            const std::int64_t collided = bare.summary.account(LimitKind::Clearance)->nominal.brokenTicks;
             std::printf(
                 "  map at %s, unknown %s: least clearance %.1f mm; without the filter %lld ticks in collision\n", base,
                 unknown, 1e3 * judged.least_m, static_cast<long long>(collided));

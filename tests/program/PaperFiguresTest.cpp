@@ -76,7 +76,7 @@ TEST(PaperFig5, S4KeepsAllFourLimitsForTheEightSecondsOfTheFigure) {
 TEST(PaperFig5, CertifiedKeepsThemToo) {
     const CaseResult certified = Figure("paper_fig5").run("certified");
     print(certified);
-    EXPECT_TRUE(certified.guarantees);
+    EXPECT_TRUE(certified.guarantees.hasJoints());
     EXPECT_EQ(certified.exitCode(), 0);
     EXPECT_FALSE(certified.summary.anyLimitBroken());
     EXPECT_GT(getUse(certified, LimitKind::Position), 0.99);
@@ -198,8 +198,8 @@ TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
             EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
             EXPECT_EQ(result.summary.ticks(), std::lround(plan.duration_s / plan.tick_s));
             EXPECT_GT(beyond, 1000);
-            EXPECT_EQ(result.guarantees, plan.name == "certified_braking" || plan.name == "joint_servo");
-            if (result.guarantees) {
+            EXPECT_EQ(result.guarantees.hasJoints(), plan.name == "certified_braking" || plan.name == "joint_servo");
+            if (result.guarantees.hasJoints()) {
                 EXPECT_FALSE(result.summary.anyLimitBroken());
                 EXPECT_EQ(result.summary.ticksWith(FilterStatus::Infeasible), 0);
             }

@@ -14,7 +14,7 @@ namespace {
 /** What certified braking guarantees: nothing outside, always a choice, to the end. */
 void expectKept(const CaseResult& result, std::int64_t ticks) {
     print(result);
-    EXPECT_TRUE(result.guarantees);
+    EXPECT_TRUE(result.guarantees.hasJoints());
     EXPECT_EQ(result.summary.ticks(), ticks);
     EXPECT_EQ(countOutside(result), 0);
     EXPECT_FALSE(result.summary.anyLimitBroken());

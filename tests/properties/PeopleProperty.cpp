@@ -10,7 +10,7 @@
 #include "Random.h"
 #include "Walkers.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "summary/SeparationCounter.h"
+#include "limits/SeparationLimit.h"
 #include "viable/core/Error.h"
 #include "viable/loop/NominalPlant.h"
 
@@ -86,8 +86,8 @@ public:
             isRefusedAtRest = state_.qd.isZero(0.0) && !hasGeometry_ && std::isinf(options_.torqueShare);
             return false;
         }
-        if (!filter_.guaranteesSeparation()) return false;
-        judge_.emplace(description_, robot_.geometry, walkers_->people(), false);
+        if (!filter_.traits().guarantees.has(LimitKind::Separation)) return false;
+        judge_.emplace(description_, robot_.geometry, walkers_->people());
         return true;
     }
 
@@ -115,7 +115,7 @@ public:
     double least = std::numeric_limits<double>::infinity();  ///< gap to what was too fast to be touched
     bool isRefusedAtRest = false;  ///< a start in which nothing moves and nothing else was in its way
     const Walkers& walkers() const { return *walkers_; }
-    const PeopleFaults& faults() const { return decision_.separation.faults; }
+    const PeopleFaults& faults() const { return decision_.peopleFaults; }
 
 private:
     void see() {
@@ -132,7 +132,7 @@ private:
         bool acts = false;
         for (int i = 0; i < description_.size(); ++i) acts |= decision_.joints[i].limit == LimitKind::Separation;
         acting += acts;
-        const Separation& told = decision_.separation;
+        const LimitReport& told = decision_.reports[LimitKind::Separation];
         if (!told.isKnown) return {"the filter told no separation", 1.0};
         if (told.isKept)
             walkers_->forgive();
@@ -173,14 +173,14 @@ private:
                 qd[i] = s.v;
             }
             walkers.place(t, places_);
-            const detail::SeparationCounter::Found found = judge_->find(q, qd, places_, kNominalRest);
+            const detail::SeparationLimit::Found found = judge_->find(q, qd, places_, kNominalRest);
             nearest = std::min(nearest, found.protective);
             if (found.isTooFast) return {"somebody is touched too fast", -found.protective};
         }
         least = std::min(least, nearest);
         if (counts) near += nearest < 0.3;
         // What the filter tells is a bound of the tick. (A stop that goes on was told of when it was chosen.)
-        const Separation& told = decision_.separation;
+        const LimitReport& told = decision_.reports[LimitKind::Separation];
         if (counts && told.isKept && nearest < told.margin - kAllowed)
             return {"the filter told more than there was", told.margin - nearest};
         return {};
@@ -244,7 +244,7 @@ private:
     std::optional<Walkers> walkers_;
     std::unique_ptr<PeopleFeed> feed_;
     std::optional<RunSetup> setup_;
-    std::optional<detail::SeparationCounter> judge_;
+    std::optional<detail::SeparationLimit> judge_;
     WholeArmBrakingFilter filter_;
     PeopleObservation seen_, places_;
     MotionState state_;

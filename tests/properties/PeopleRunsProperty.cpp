@@ -12,8 +12,8 @@
 #include "Walkers.h"
 #include "clearance/CapsuleMotion.h"
 #include "filter/WholeArmBrakingFilter.h"
+#include "limits/SeparationLimit.h"
 #include "robot/Segments.h"
-#include "summary/SeparationCounter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 
@@ -78,7 +78,7 @@ public:
           goals_(seed, 2 * number + 1),
           walkers_(people_, makeHabits(number, scene), kTick_s),
           feed_(walkers_.people()),
-          judge_(robot, geometry, walkers_.people(), false),
+          judge_(robot, geometry, walkers_.people()),
           motion_(robot, geometry.capsules, listRadii(geometry)),
           pose_(motion_.makePose()) {
         state_.q = robot.home;
@@ -247,7 +247,7 @@ private:
                 qd[i] = s.v;
             }
             walkers_.place(t, places_);
-            const detail::SeparationCounter::Found found = judge_.find(q, qd, places_, kNominalRest);
+            const detail::SeparationLimit::Found found = judge_.find(q, qd, places_, kNominalRest);
             isTooFast |= found.isTooFast;
             outcome_.least = std::min(outcome_.least, found.protective);
         }
@@ -275,7 +275,7 @@ private:
     Random people_, goals_;
     Walkers walkers_;
     PeopleFeed feed_;
-    detail::SeparationCounter judge_;
+    detail::SeparationLimit judge_;
     detail::CapsuleMotion motion_;
     detail::CapsuleMotion::Pose pose_;
     WholeArmBrakingFilter filter_;

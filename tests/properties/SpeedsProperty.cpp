@@ -8,7 +8,7 @@
 #include "PushedArm.h"
 #include "Random.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "summary/SpeedCounter.h"
+#include "limits/PointSpeedLimit.h"
 #include "viable/core/Error.h"
 #include "viable/loop/NominalPlant.h"
 
@@ -87,7 +87,7 @@ public:
             isRefusedAtRest = state_.qd.isZero(0.0) && !hasGeometry_ && std::isinf(options_.torqueShare);
             return false;
         }
-        judge_.emplace(description_, &robot_.geometry, false);
+        judge_.emplace(description_, &robot_.geometry);
         torque_ = dynamics_.gravity;
         return true;
     }
@@ -109,8 +109,9 @@ public:
         if (!finding.what) finding = judgeTick(state_, decision_.value);
         atLimit += acts && use_ > 0.9;
         // What the filter tells is true of the tick.
-        if (!finding.what && !decision_.speed.isKnown) finding = {"the filter told no speed", 1.0};
-        if (!finding.what && use_ > decision_.speed.speed / decision_.speed.limit + kAllowed)
+        if (!finding.what && !decision_.reports[LimitKind::Speed].isKnown) finding = {"the filter told no speed", 1.0};
+        if (!finding.what &&
+            use_ > decision_.reports[LimitKind::Speed].value / decision_.reports[LimitKind::Speed].limit + kAllowed)
             finding = {"the filter told less than there was", use_};
         if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop();
         advanceNominal(decision_, kTick_s, state_);
@@ -195,7 +196,7 @@ private:
     RobotDescription description_;
     WholeArmBrakingOptions options_;
     std::optional<RunSetup> setup_;
-    std::optional<detail::SpeedCounter> judge_;
+    std::optional<detail::PointSpeedLimit> judge_;
     WholeArmBrakingFilter filter_;
     MotionState state_;
     Dynamics dynamics_;

@@ -2,7 +2,8 @@
 import assert from 'node:assert/strict';
 import { limitsOf } from '../../tools/report/src/live/limits.js';
 
-const run = { moves: 'tool', joints: [{}, {}], environment: { safety_distance_m: 0.02 } };
+const limits = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance'];
+const run = { moves: 'tool', joints: [{}, {}], environment: { safety_distance_m: 0.02 }, limits };
 const still = {
   hand: [1], limit: [0, 0], clearance: [0.5], q: [0, 0], qd: [0, 0], target_q: [0, 0],
   velocity_lower: [-1, -1], velocity_upper: [1, 1], position_lower: [-2, -Infinity], position_upper: [2, Infinity],

@@ -27,6 +27,7 @@ const CASES = Number(options.cases);
 const JOINTS = Number(options.joints);
 const ROWS = Number(options.rows);
 const TICK = 0.001;
+const LIMITS = ['position', 'velocity', 'acceleration', 'jerk'].flatMap((kind) => [`${kind}_lower`, `${kind}_upper`]);
 const MOST_BUCKETS = 5000;
 const MOST_FRAMES = 3000;
 
@@ -658,6 +659,7 @@ function fromRpy(roll, pitch, yaw) {
 const cases = Array.from({ length: CASES }, (_, i) => makeCase(i));
 const data = {
   format: 1,
+  limits: LIMITS,
   version: '0.1.0',
   title: 'Unilateral teleoperation, synthetic sample',
   created: '2026-11-21T12:00:00Z',

@@ -184,7 +184,7 @@ template <class Filter>
 void expectSameAsLibrary(const std::string& name) {
     TestArm arm("indy7");
     const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, name));
-    EXPECT_FALSE(plugin->guaranteesLimits());
+    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
     Filter own;
     FilterDecision decisions[2];
     FilterStatus statuses[2];

@@ -95,28 +95,33 @@ public:
                                                                     : LimitSide::Upper;
             r.stops[j] = {number(), number(), number()};
         }
-        if (layout_.hasEnvironment) {
-            Clearance& c = r.clearance;
+        if (layout_.limits.has(LimitKind::Clearance)) {
+            LimitReport& c = r.reports[LimitKind::Clearance];
             c.isKnown = random_() % 2 == 0;
-            c.distance = number();
-            for (int* index : {&c.link, &c.obstacle, &c.otherLink}) *index = static_cast<int>(random_() % 9) - 1;
+            c.margin = number();
+            for (int* index : {&c.link, &c.other, &c.otherLink}) *index = static_cast<int>(random_() % 9) - 1;
             for (int i = 0; i < 3; ++i) c.onArm[i] = number();
-            for (int i = 0; i < 3; ++i) c.onObstacle[i] = number();
-            r.mapAge_s = number();
+            for (int i = 0; i < 3; ++i) c.onOther[i] = number();
+            c.age_s = number();
         }
-        if (layout_.hasSpeedLimits)
-            r.speed = {random_() % 2 == 0, number(), number(), static_cast<int>(random_() % 9) - 1};
-        if (layout_.hasPeople) {
+        if (layout_.limits.has(LimitKind::Speed)) {
+            LimitReport& s = r.reports[LimitKind::Speed];
+            s.isKnown = random_() % 2 == 0;
+            s.value = number();
+            s.limit = number();
+            s.link = static_cast<int>(random_() % 9) - 1;
+        }
+        if (layout_.limits.has(LimitKind::Separation)) {
             const auto index = [this] { return static_cast<int>(random_() % 9) - 1; };
             const auto count = [this] { return static_cast<std::int64_t>(random_() % 9); };
-            Separation& s = r.separation;
+            LimitReport& s = r.reports[LimitKind::Separation];
             s.isKnown = random_() % 2 == 0;
             s.isKept = random_() % 2 == 0;
             s.margin = number();
             s.link = index();
-            s.person = index();
+            s.other = index();
             s.age_s = number();
-            s.faults = {count(), count(), count(), count(), index()};
+            r.peopleFaults = {count(), count(), count(), count(), index()};
         }
         r.braking = random_() % 2 == 0;
         r.missed = random_() % 2 == 0;
@@ -230,26 +235,20 @@ inline std::vector<std::uint64_t> getBits(const TickRecord& r, const LogLayout& 
         add(r.stops[j].duration_s);
         add(r.stops[j].rest);
     }
-    bits.push_back(r.clearance.isKnown ? 1 : 0);
-    add(r.clearance.distance);
-    for (const int index : {r.clearance.link, r.clearance.obstacle, r.clearance.otherLink})
-        bits.push_back(static_cast<std::uint64_t>(index + 1));
-    for (int i = 0; i < 3; ++i) add(r.clearance.onArm[i]);
-    for (int i = 0; i < 3; ++i) add(r.clearance.onObstacle[i]);
-    add(r.mapAge_s);
-    bits.push_back(r.speed.isKnown ? 1 : 0);
-    add(r.speed.speed);
-    add(r.speed.limit);
-    bits.push_back(static_cast<std::uint64_t>(r.speed.link));
-    bits.push_back(r.separation.isKnown ? 1 : 0);
-    bits.push_back(r.separation.isKept ? 1 : 0);
-    add(r.separation.margin);
-    add(r.separation.age_s);
-    const PeopleFaults& faults = r.separation.faults;
+    for (int k = static_cast<int>(kFirstArmLimit); k < kMostLimitKinds; ++k) {
+        const LimitReport& report = r.reports[static_cast<LimitKind>(k)];
+        bits.push_back(report.isKnown ? 1 : 0);
+        bits.push_back(report.isKept ? 1 : 0);
+        for (const double x : {report.value, report.limit, report.margin, report.age_s}) add(x);
+        for (const int index : {report.link, report.other, report.otherLink})
+            bits.push_back(static_cast<std::uint64_t>(index + 1));
+        for (int i = 0; i < 3; ++i) add(report.onArm[i]);
+        for (int i = 0; i < 3; ++i) add(report.onOther[i]);
+    }
+    const PeopleFaults& faults = r.peopleFaults;
     for (const std::int64_t count : {faults.appeared, faults.faster, faults.lost, faults.refused})
         bits.push_back(static_cast<std::uint64_t>(count));
-    for (const int index : {r.separation.link, r.separation.person, faults.last})
-        bits.push_back(static_cast<std::uint64_t>(index + 1));
+    bits.push_back(static_cast<std::uint64_t>(faults.last + 1));
     bits.push_back(static_cast<std::uint64_t>(r.verdict));
     bits.push_back(r.braking ? 1 : 0);
     bits.push_back(r.missed ? 1 : 0);

@@ -120,11 +120,11 @@ bool drive(RealArm& real, Scratch& s) {
 void checkTold(int delayTicks, const JointVector& motorRate, int n, const std::string& plant) {
     if (delayTicks < 0 || delayTicks > ArmHardware::kMaxDelay)
         throw Error(ErrorKind::PluginFailed, plant, "gave a delay of " + std::to_string(delayTicks) + " ticks",
-                    "delayTicks() is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
+                    "delayTicks is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
     if (motorRate.size() != 0 && (motorRate.size() != n || !(motorRate.array() > 0.0).all()))
         throw Error(ErrorKind::PluginFailed, plant,
                     "gave a fastest change of the torque of the wrong size or not above 0",
-                    "motorRate() gives one number above 0 per joint, or none at all.");
+                    "motorRate has one number above 0 per joint, or none at all.");
 }
 
 /** Threads that are waited for, however the place where this stands is left. */
@@ -257,11 +257,11 @@ void ArmBatch::Impl::makePlants() {
         one->setup.limits = limits[count(arm)];
         one->plant = PluginLoader::create<RealPlant>(choice.plugin);
         one->plant->configure(one->setup, choice.parameters);
-        if (one->plant->hasClock())
+        if (one->plant->traits().hasClock)
             throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
                            "Use a simulated one, such as simbody.");
-        one->setup.delayTicks = one->plant->delayTicks();
-        const JointVector motorRate = one->plant->motorRate();
+        one->setup.delayTicks = one->plant->traits().delayTicks;
+        const JointVector motorRate = one->plant->traits().motorRate;
         checkTold(one->setup.delayTicks, motorRate, n, "the plant " + choice.plugin.name);
         const auto found = gains.find(one->setup.delayTicks);
         const LinearErrorLoop& loop = found != gains.end() ? found->second
@@ -485,7 +485,8 @@ bool ArmBatch::Impl::decide(int arm, Scratch& s, FilterStatus& status) {
     status = answer == FilterStatus::StoppedByPlan ? FilterStatus::Modified : answer;
     s.jerk = s.decision.value;
     whole.stops = s.decision.stops;
-    state.clearance[count(arm)] = s.decision.clearance.isKnown ? s.decision.clearance.distance : kNan;
+    const LimitReport& nearest = s.decision.reports[LimitKind::Clearance];
+    state.clearance[count(arm)] = nearest.isKnown ? nearest.margin : kNan;
     return true;
 }
 

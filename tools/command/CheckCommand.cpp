@@ -31,6 +31,8 @@ int tell(const ConfiguredCase& configured, CaseForecast& last) {
     if (!forecast.gains.empty() && forecast.gains != last.gains) std::printf("  gains    %s\n", forecast.gains.c_str());
     if (!forecast.motors.empty() && forecast.motors != last.motors)
         std::printf("  motors   %s\n", forecast.motors.c_str());
+    if (!forecast.limits.empty() && forecast.limits != last.limits)
+        std::printf("  limits   %s\n", forecast.limits.c_str());
     const bool isListed = forecast.people != last.people && !forecast.people.empty();
     if (isListed)
         for (const std::string& person : forecast.people)

@@ -350,7 +350,7 @@ int goLive(const LiveArguments& arguments) {
     LiveSession::rehearse(plan);
     std::unique_ptr<ConfiguredCase> configured = configureCase(plan);
     if (const int signal = getStopSignal()) return tellEnd(signal);
-    const bool movesJoints = configured->plugins.command->space() == MotionCommand::Space::Joint;
+    const bool movesJoints = configured->plugins.command->traits().space == MotionCommand::Space::Joint;
 
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);
     const FolderClaim claim(folder);

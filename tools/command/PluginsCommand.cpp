@@ -35,7 +35,7 @@ void listPlugins(const PluginLoader& loader, const std::vector<PluginInfo>& plug
 void describeAsText(const PluginInfo& p) {
     std::printf("%s %s: %s\nlibrary: %s\n", getName(p.kind), p.name.c_str(), p.summary.c_str(), p.library.c_str());
     if (p.kind == PluginKind::SafetyFilter)
-        std::printf("guarantees: %s\n", PluginLoader::create<SafetyFilter>(p)->guaranteesLimits()
+        std::printf("guarantees: %s\n", PluginLoader::create<SafetyFilter>(p)->traits().guarantees.hasJoints()
                                             ? "all limits, in every tick"
                                             : "nothing");
     std::printf("parameters:\n%s", describeParameters(p.entry->parameters, p.entry->parameterCount).c_str());

@@ -28,7 +28,7 @@ RealPlant& getPlant(const ConfiguredCase& configured) {
     if (!configured.plugins.realPlant)
         throw badInput("case " + plan.name, "it has no real arm (key `real_plant`) that could be served",
                        "Name a case that has one: --case NAME.");
-    if (configured.plugins.realPlant->hasClock())
+    if (configured.plugins.realPlant->traits().hasClock)
         throw badInput("case " + plan.name,
                        "its real arm, '" + plan.realPlant->plugin.name + "', is itself a robot elsewhere",
                        "Name a case with a simulated one, such as simbody: --case NAME.");
@@ -92,7 +92,7 @@ RobotServer::RobotServer(std::unique_ptr<ConfiguredCase> configured, const Robot
     robot_.key = options_.key;
     robot_.most_repeats = options_.mostRepeats;
     const JointVector rate =
-        options_.torqueRate > 0.0 ? JointVector::Constant(n_, options_.torqueRate).eval() : plant_.motorRate();
+        options_.torqueRate > 0.0 ? JointVector::Constant(n_, options_.torqueRate).eval() : plant_.traits().motorRate;
     for (int i = 0; i < rate.size(); ++i)
         if (std::isfinite(rate[i])) robot_.torque_step[i] = rate[i] * tick_s_;
     applied_.setZero(n_);

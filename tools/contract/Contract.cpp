@@ -358,7 +358,7 @@ PluginPtr<Interface> makeConfigured(const PluginInfo& info, const RunSetup& setu
 class CommandSubject : public Subject {
 public:
     CommandSubject(const PluginInfo& info, const RunSetup& setup)
-        : plugin_(makeConfigured<CommandSource>(info, setup)), space_(plugin_->space()) {}
+        : plugin_(makeConfigured<CommandSource>(info, setup)), space_(plugin_->traits().space) {}
     void reset(const MotionState& start) override { plugin_->reset(start); }
     Output step(const Inputs& in) override {
         MotionCommand command;
@@ -395,9 +395,9 @@ class ControllerSubject : public Subject {
 public:
     ControllerSubject(const PluginInfo& info, const RunSetup& setup)
         : plugin_(makeConfigured<NominalController>(info, setup)),
-          space_(plugin_->follows(MotionCommand::Space::Joint) ? MotionCommand::Space::Joint
-                                                               : MotionCommand::Space::Tool) {
-        if (!plugin_->follows(space_)) throw std::runtime_error(info.name + " follows nothing");
+          space_(plugin_->traits().follows(MotionCommand::Space::Joint) ? MotionCommand::Space::Joint
+                                                                        : MotionCommand::Space::Tool) {
+        if (!plugin_->traits().follows(space_)) throw std::runtime_error(info.name + " follows nothing");
     }
     void reset(const MotionState& start) override { plugin_->reset(start); }
     void close(Inputs& in) override { in.command.space = space_; }
@@ -519,7 +519,7 @@ public:
         JointVector applied = JointVector::Constant(kJoints, kUntouched);
         Output out;
         std::int64_t passed = 0;
-        if (plugin_->hasClock() && (plugin_->read(passed) != TickStatus::Ok || passed < 1)) return out;
+        if (plugin_->traits().hasClock && (plugin_->read(passed) != TickStatus::Ok || passed < 1)) return out;
         const JointState before = plugin_->actual();
         out.outcome = toOutcome(plugin_->advance(in.torque, applied));
         out.add(applied);

@@ -103,8 +103,8 @@ void checkExternalTorqueIsMeasured(const CasePlan& plan, const RealPlant& plant)
 }
 
 void checkControllerFollows(const CasePlan& plan, const CommandSource& command, const NominalController& controller) {
-    if (controller.follows(command.space())) return;
-    const bool joint = command.space() == MotionCommand::Space::Joint;
+    if (controller.traits().follows(command.traits().space)) return;
+    const bool joint = command.traits().space == MotionCommand::Space::Joint;
     throw badInput(plan.controller.parameters.resolved().place(),
                    "the controller " + plan.controller.plugin.name + " cannot follow the command " +
                        plan.command.plugin.name + ", which gives " + (joint ? "joint positions" : "tool poses"),

@@ -168,7 +168,7 @@ void addCommand(const ConfiguredCase& configured, CaseForecast& forecast) {
     PluginWatch* const watch = configured.plugins.watches[static_cast<std::size_t>(kind)];
     CommandSource& source = *configured.plugins.command;
     const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
-    if (source.space() != MotionCommand::Space::Tool || (relative && relative->text == "true")) return;
+    if (source.traits().space != MotionCommand::Space::Tool || (relative && relative->text == "true")) return;
     if (auto* const rehearsed = dynamic_cast<RehearsedCommand*>(&source)) rehearsed->beginRehearsal();
     resetPlugin(source, kind, watch, plan.start);
     MotionCommand command;
@@ -253,7 +253,31 @@ void addPeople(const ConfiguredCase& configured, CaseForecast& forecast) {
                                          person.name.c_str(), person.maxSpeed, person.latency_s, person.error_m) +
                                   touch);
     }
-    forecast.keepsApart = configured.plugins.filter->guaranteesSeparation();
+}
+
+/** What is guaranteed of the limits of the whole arm, and whether the start keeps them. */
+void addLimits(const ConfiguredCase& configured, CaseForecast& forecast) {
+    const CasePlan& plan = configured.plan;
+    const LimitScene scene = makeScene(plan);
+    const LimitSet limits = findLimits(scene), guarantees = configured.plugins.filter->traits().guarantees;
+    for (const LimitKind kind : listArmLimits()) {
+        if (!limits.has(kind)) continue;
+        const LimitRow& row = getLimitRow(kind);
+        detail::addItem(forecast.limits, row.label + (guarantees.has(kind) ? " guaranteed" : " not guaranteed"));
+        if (row.watchesPeople) forecast.keepsApart &= guarantees.has(kind);
+        if (row.isSlow) continue;  // addClearances() looks at the one that is
+        const LimitSample start = row.make(scene)->sample({plan.start.q, plan.start.qd, 0.0, false, kInfinity});
+        if (!start.isBroken) continue;
+        ArmLimitRecord record;
+        record.worst = start.value;
+        record.part = start.part;
+        record.other = start.other;
+        record.otherLink = start.otherLink;
+        record.brokenTicks = 1;
+        record.firstBroken_s = 0.0;
+        forecast.warnings.push_back("at the start " + row.broken + ": " + row.tellWorst(record) +
+                                    ". Change `start`, or what the limit hangs on.");
+    }
 }
 
 }  // namespace
@@ -263,6 +287,7 @@ CaseForecast forecastCase(const ConfiguredCase& configured) {
     addGains(configured, forecast);
     addMotors(configured, forecast);
     addPeople(configured, forecast);
+    addLimits(configured, forecast);
     addClearances(configured, forecast);
     addCommand(configured, forecast);
     addNominalLoop(configured, forecast);

@@ -13,6 +13,7 @@ struct CaseForecast {
     std::string motors;  ///< shares of their torque limits, one line; empty: no limits are known
     std::vector<std::string> people;  ///< what is known of each before it is seen, a line each
     bool keepsApart = true;           ///< the filter knows them; or there are none
+    std::string limits;               ///< which limits of the whole arm are guaranteed, one line; empty: there are none
     /** What will fail in a run, each in one line with its remedy: motors that cannot hold the arm or move it as fast as the
     limits allow, a command that starts far from the tool or out of its reach, an arm that starts in an obstacle or in
     itself, a controller and a filter that do not bring the nominal arm to rest. */

@@ -1,5 +1,7 @@
 #include "experiment/ConfiguredCase.h"
 
+#include <algorithm>
+
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseBound.h"
@@ -19,30 +21,10 @@ constexpr char kOnConfigure[] =
     "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else must be fixed in "
     "the plugin.";
 
-// What a plugin is asked once, outside of ticks: asked here first, where a throw still names it.
-void askOnce(const CommandSource& plugin) {
-    plugin.space();
-}
-void askOnce(const NominalController& plugin) {
-    plugin.follows(MotionCommand::Space::Joint);
-    plugin.follows(MotionCommand::Space::Tool);
-}
-void askOnce(const SafetyFilter& plugin) {
-    plugin.guaranteesLimits();
-    plugin.guaranteesClearance();
-    plugin.guaranteesSpeed();
-    plugin.guaranteesSeparation();
-    plugin.recovers();
-}
-void askOnce(const RobustLoop& plugin) {
-    plugin.errorLoop();
-}
-void askOnce(const RealPlant& plugin) {
-    plugin.externalTorque();
-    plugin.encoder();
-    plugin.delayTicks();
-    plugin.motorRate();
-    plugin.hasClock();
+bool guaranteesPeople(LimitSet guarantees) {
+    const std::vector<LimitKind> kinds = listArmLimits();
+    return std::any_of(kinds.begin(), kinds.end(),
+                       [&](LimitKind kind) { return guarantees.has(kind) && getLimitRow(kind).watchesPeople; });
 }
 
 template <class Interface>
@@ -54,7 +36,8 @@ PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup,
     try {
         plugin->configure(setup, choice.parameters);
         const PluginCall asking(&watch, kAsking);
-        askOnce(*plugin);
+        plugin->traits();  // here first, where a throw still names it
+        if constexpr (std::is_same_v<Interface, RealPlant>) plugin->externalTorque();
     } catch (const Error&) {
         throw;
     } catch (const std::exception& e) {
@@ -87,7 +70,7 @@ public:
             PluginPtr<Interface> plugin = isolatePlugin<Interface>(
                 [&] { return makeHere<Interface>(choice, setup, *watch); }, *watch, isolation_->watchdog_s);
             if constexpr (std::is_same_v<Interface, SafetyFilter>)
-                if (setup.people && plugin->guaranteesSeparation())
+                if (setup.people && guaranteesPeople(plugin->traits().guarantees))
                     throw badInput(watch->title,
                                    "in a process of its own it does not see how the people of `environment` move",
                                    "Run it without --isolate, or without `people`.");
@@ -136,7 +119,7 @@ void checkErrorLoop(const LinearErrorLoop& loop, int n, const std::string& title
     if (!isSound)
         throw Error(
             ErrorKind::PluginFailed, title, "gave an error loop of the wrong size or with numbers that it cannot have",
-            "errorLoop() gives one number per joint: gains and friction finite and at least 0, limits and inertiaRate "
+            "errorLoop has one number per joint: gains and friction finite and at least 0, limits and inertiaRate "
             "above 0 or infinite, speeds finite and above 0.");
 }
 
@@ -150,13 +133,13 @@ JointVector combineRates(const JointVector& one, const JointVector& other) {
 void checkMotorRate(const JointVector& rate, int n, const std::string& title) {
     if (rate.size() == 0 || (rate.size() == n && (rate.array() > 0.0).all())) return;
     throw Error(ErrorKind::PluginFailed, title, "gave a fastest change of the torque of the wrong size or not above 0",
-                "motorRate() gives one number above 0 per joint, or none at all.");
+                "motorRate has one number above 0 per joint, or none at all.");
 }
 
 void checkDelay(int ticks, const std::string& title) {
     if (ticks >= 0 && ticks <= ArmHardware::kMaxDelay) return;
     throw Error(ErrorKind::PluginFailed, title, "gave a delay of " + std::to_string(ticks) + " ticks",
-                "delayTicks() is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
+                "delayTicks is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
 }
 
 void addSurroundings(ConfiguredCase& configured) {
@@ -186,6 +169,10 @@ std::unique_ptr<ConfiguredCase> beginCase(const CasePlan& plan) {
 
 }  // namespace
 
+LimitScene makeScene(const CasePlan& plan) {
+    return {plan.robot, plan.geometry ? &*plan.geometry : nullptr, plan.environment ? &*plan.environment : nullptr};
+}
+
 ConfiguredCase::ConfiguredCase(const CasePlan& casePlan, RunSetup runSetup)
     : plan(casePlan), realSetup(runSetup), setup(std::move(runSetup)) {}
 ConfiguredCase::~ConfiguredCase() {
@@ -198,24 +185,23 @@ std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Is
         PluginMaker maker(*configured, isolation);
         LoopPlugins& plugins = configured->plugins;
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
-        checkDelay(plugins.realPlant->delayTicks(), configured->watches.back()->title);
-        configured->realSetup.delayTicks = configured->setup.delayTicks = plugins.realPlant->delayTicks();
-        const JointVector plantRate = plugins.realPlant->motorRate();
-        checkMotorRate(plantRate, plan.robot.size(), configured->watches.back()->title);
-        configured->realSetup.motorRate = configured->setup.motorRate = combineRates(plantRate, {});
+        const PlantTraits plant = plugins.realPlant->traits();
+        checkDelay(plant.delayTicks, configured->watches.back()->title);
+        configured->realSetup.delayTicks = configured->setup.delayTicks = plant.delayTicks;
+        checkMotorRate(plant.motorRate, plan.robot.size(), configured->watches.back()->title);
+        configured->realSetup.motorRate = configured->setup.motorRate = combineRates(plant.motorRate, {});
         plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
-        const LinearErrorLoop* loop = plugins.robustLoop->errorLoop();
+        const std::optional<LinearErrorLoop> loop = plugins.robustLoop->traits().errorLoop;
         if (loop) {
             checkErrorLoop(*loop, plan.robot.size(), configured->watches.back()->title);
             configured->margins = detail::checkStability(plan, *loop, configured->realSetup.delayTicks);
         }
         if (loop) configured->robustRate = loop->torqueRate;
-        configured->motorRate = combineRates(plantRate, loop ? loop->motorRate : JointVector());
+        configured->motorRate = combineRates(plant.motorRate, loop ? loop->motorRate : JointVector());
         if (loop && plan.disturbances) {
             detail::checkStartsAtRest(plan);
             configured->bound = detail::findBound(plan, *loop);
-            detail::checkBoundAssumptions(plan, *configured->bound, *loop, configured->motorRate,
-                                          plugins.realPlant->encoder());
+            detail::checkBoundAssumptions(plan, *configured->bound, *loop, configured->motorRate, plant.encoder);
         }
     }
     return configured;
@@ -233,7 +219,7 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     PluginMaker maker(*configured, isolation);
     LoopPlugins& plugins = configured->plugins;
     plugins.filter = maker.makeFilters(plan.filters);
-    if (!plugins.filter->recovers()) detail::checkStart(plan, configured->setup.limits);
+    if (!plugins.filter->traits().recovers) detail::checkStart(plan, configured->setup.limits);
     plugins.command = maker.makeWatched<CommandSource>(plan.command);
     if (plan.stream) plugins.stream = std::make_unique<CommandStream>(detail::makeStreamOptions(*plan.stream));
     plugins.controller = maker.makeWatched<NominalController>(plan.controller);

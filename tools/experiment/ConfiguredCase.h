@@ -8,6 +8,7 @@
 #include "loop/ControlLoop.h"
 #include "tracking/TrackingBound.h"
 #include "viable/environment/Surroundings.h"
+#include "viable/limits/ArmLimit.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {
@@ -39,6 +40,9 @@ struct ConfiguredCase {
     LoopPlugins plugins;
     const FilterChain* chain = nullptr;  ///< plugins.filter, where there are several
 };
+
+/** What limits of the whole arm hang on in a case. @param plan  must outlive it */
+LimitScene makeScene(const CasePlan& plan);
 
 /** Makes and configures the plugins of a case, judges its start, and checks that all fit together. Throws Error:
 BadInput for what the file says, PluginFailed when a plugin throws anything else.

@@ -33,7 +33,7 @@ public:
           controller_(*configured.plugins.controller),
           watch_(configured.plugins.watches[static_cast<std::size_t>(PluginKind::NominalController)]),
           model_(configured.plan.robot) {
-        command_.space = configured.plugins.command->space();
+        command_.space = configured.plugins.command->traits().space;
         command_.q = start_;
         command_.qd.setZero(start_.size());
         command_.tool = configured.setup.startTool;

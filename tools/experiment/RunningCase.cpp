@@ -14,7 +14,6 @@
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"
 #include "robot/ArmRecursion.h"
-#include "summary/CollisionCounter.h"
 #include "viable/braking/Braking.h"
 
 namespace viable {
@@ -72,14 +71,9 @@ std::string formatTime(double seconds) {
 
 LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
     const CasePlan& plan = configured.plan;
-    return {plan.robot.jointNames(),
-            configured.plugins.command->space(),
-            plan.realPlant.has_value(),
-            plan.feedsExternalTorque,
-            plan.environment.has_value(),
-            plan.robot.speedLimits.isAny(),
-            isLive,
-            configured.people != nullptr};
+    return {plan.robot.jointNames(),     configured.plugins.command->traits().space,
+            plan.realPlant.has_value(),  plan.feedsExternalTorque,
+            findLimits(makeScene(plan)), isLive};
 }
 
 LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
@@ -173,10 +167,7 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
     result.isRelative = relative && relative->text == "true";
     result.margins = configured.margins;
-    result.guarantees = configured.plugins.filter->guaranteesLimits();
-    result.guaranteesClearance = configured.plugins.filter->guaranteesClearance();
-    result.guaranteesSpeed = configured.plugins.filter->guaranteesSpeed();
-    result.guaranteesSeparation = configured.plugins.filter->guaranteesSeparation();
+    result.guarantees = configured.plugins.filter->traits().guarantees;
     if (plan.geometry) result.links = plan.geometry->links;
     if (plan.environment) result.obstacles = plan.environment->obstacleNames();
     result.holdsOnReal = plan.holdsOnReal;
@@ -187,7 +178,7 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     return result;
 }
 
-RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesCollisions)
+RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesSlowly)
     : configured_(std::move(configured)),
       result_(makeResult(*configured_)),
       layout_(makeLayout(*configured_, log.isLive)),
@@ -203,12 +194,13 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
         RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,
                        plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured_->motorRate,
                        configured_->robustRate});
-    if (judgesCollisions && plan.environment)
-        collisions_.emplace(plan.robot, *plan.geometry, *plan.environment, plan.realPlant.has_value());
-    if (plan.robot.speedLimits.isAny())
-        speeds_.emplace(plan.robot, plan.geometry ? &*plan.geometry : nullptr, plan.realPlant.has_value());
-    if (configured_->people)
-        separations_.emplace(plan.robot, *plan.geometry, configured_->people->people(), plan.realPlant.has_value());
+    const LimitScene scene = makeScene(plan);
+    const LimitSet limits = findLimits(scene);
+    for (const LimitKind kind : listArmLimits()) {
+        const LimitRow& row = getLimitRow(kind);
+        if (limits.has(kind) && (judgesSlowly || !row.isSlow))
+            counters_.emplace_back(kind, row.make(scene), plan.realPlant.has_value());
+    }
     if (!log.file.empty())
         recorder_ = std::make_unique<Recorder>(
             std::make_unique<LogSeries>(log.file, std::move(opening), log.limit_bytes), log.capacity);
@@ -238,26 +230,16 @@ bool RunningCase::isStopOver() {
 
 void RunningCase::count() {
     result_.summary.add(record_);
-    if (collisions_) collisions_->add(record_);
-    if (speeds_) speeds_->add(record_);
-    if (separations_) separations_->add(record_);
+    for (detail::LimitCounter& counter : counters_) counter.add(record_);
 }
 
 CaseResult RunningCase::finish(bool isAlone) {
     loop_->letGoOfPlant();  // a robot must not wait for the rest
     const double grown_MB = readMemory_MB() - memory_MB_;
     result_.summary.addEnd(loop_->nominal(), loop_->time());
-    if (collisions_) {
-        collisions_->addEnd(loop_->nominal(), loop_->time());
-        result_.summary.setCollisions(collisions_->collisions());
-    }
-    if (speeds_) {
-        speeds_->addEnd(loop_->nominal(), loop_->time());
-        result_.summary.setSpeeds(speeds_->speeds());
-    }
-    if (separations_) {
-        separations_->addEnd(loop_->nominal(), loop_->time());
-        result_.summary.setSeparations(separations_->separations());
+    for (detail::LimitCounter& counter : counters_) {
+        counter.addEnd(loop_->nominal(), loop_->time());
+        result_.summary.addAccount(counter.account());
     }
     result_.simulated_s = loop_->time();
     result_.stopReason = loop_->stopReason();

@@ -4,14 +4,13 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "experiment/ConfiguredCase.h"
 #include "log/LogSeries.h"
 #include "log/Recorder.h"
 #include "summary/CaseResult.h"
-#include "summary/CollisionCounter.h"
-#include "summary/SeparationCounter.h"
-#include "summary/SpeedCounter.h"
+#include "summary/LimitCounter.h"
 
 namespace viable {
 
@@ -24,20 +23,20 @@ struct CaseLog {
     std::uint64_t limit_bytes = 0;             ///< of a log in several files, see LogSeries; 0: one file without limit
     bool isLive = false;                       ///< with what only a run in real time has
     std::size_t capacity = kRecorderCapacity;  ///< ticks that wait for the disk at most
-    std::vector<std::string> moreObstacles{};  ///< names of what a Clearance's index may be beyond the environment's
+    std::vector<std::string> moreObstacles{};  ///< names of what LimitReport::other may be beyond the environment's
 };
 
 /** A case at work: its loop, its log and its figures. Who runs it (simulated time, or a clock) makes the ticks:
 `while (!isStopOver()) { loop().tick(record()); count(); recorder()->append(record()); }`, then finish().
-Real time: isStopOver() and count() allocate, lock and throw nothing, but for the judge of collisions. */
+Real time: isStopOver() and count() allocate, lock and throw nothing, but for limits that are slow (LimitRow::isSlow). */
 class RunningCase {
 public:
     /** How long a run goes on after a stop for lost tracking. */
     static constexpr double kSettling_s = 0.5;
 
     /** Resets the plugins, which opens a hardware plant, and then creates the log. Throws Error.
-    @param judgesCollisions  with an environment: the judge looks at every tick, which takes longer than a tick may */
-    RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesCollisions);
+    @param judgesSlowly  limits whose judge takes longer than a tick may are counted, too */
+    RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesSlowly);
     ~RunningCase();
 
     const CasePlan& plan() const { return configured_->plan; }
@@ -64,9 +63,7 @@ private:
     CaseResult result_;
     const LogLayout layout_;
     std::unique_ptr<ControlLoop> loop_;
-    std::optional<detail::CollisionCounter> collisions_;
-    std::optional<detail::SpeedCounter> speeds_;
-    std::optional<detail::SeparationCounter> separations_;
+    std::vector<detail::LimitCounter> counters_;
     PeopleObservation seen_;
     std::unique_ptr<Recorder> recorder_;
     TickRecord record_;

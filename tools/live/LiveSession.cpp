@@ -211,7 +211,7 @@ void LiveSession::makeTick(bool isMissed) {
         loop.tick(record);
     if (placed_)
         PlacedObstacles::renumber(*running_.configured().feed->view().surroundings, *running_.plan().environment,
-                                  record.clearance);
+                                  record.reports[LimitKind::Clearance]);
     if (teleoperated_) tellHand(record);
     markTake(record);
     const std::int64_t end_ns = TickPacer::readClock_ns();

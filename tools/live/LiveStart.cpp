@@ -13,7 +13,7 @@ std::string findLiveStart(const CasePlan& plan) {
     if (!plan.realPlant) return {};
     const auto configured = configureTracking(plan);
     RealPlant& plant = *configured->plugins.realPlant;
-    if (!plant.hasClock()) return {};
+    if (!plant.traits().hasClock) return {};
     MotionState start = plan.start;
     start.qd.setZero();
     start.qdd.setZero();

@@ -130,17 +130,17 @@ std::shared_ptr<const Surroundings> PlacedObstacles::surround(const ConfiguredCa
     return makeSurroundings(environment, plan.robot, *plan.geometry, configured.setup.limits);
 }
 
-void PlacedObstacles::renumber(const Surroundings& now, const Environment& own, Clearance& clearance) noexcept {
+void PlacedObstacles::renumber(const Surroundings& now, const Environment& own, LimitReport& nearest) noexcept {
     const auto& solids = now.environment().solids;
     const auto ownSolids = static_cast<int>(own.solids.size());
     const int placed = static_cast<int>(solids.size()) - ownSolids;
-    if (clearance.obstacle < ownSolids || placed == 0) return;
-    if (clearance.obstacle >= ownSolids + placed) {
-        clearance.obstacle -= placed;
+    if (nearest.other < ownSolids || placed == 0) return;
+    if (nearest.other >= ownSolids + placed) {
+        nearest.other -= placed;
         return;
     }
-    const char number = solids[static_cast<std::size_t>(clearance.obstacle)].name.back();
-    clearance.obstacle = ownSolids + static_cast<int>(own.spheres.size()) + (own.map ? 1 : 0) + (number - '1');
+    const char number = solids[static_cast<std::size_t>(nearest.other)].name.back();
+    nearest.other = ownSolids + static_cast<int>(own.spheres.size()) + (own.map ? 1 : 0) + (number - '1');
 }
 
 PlacedObstacles::PlacedObstacles(const ConfiguredCase& configured, SurroundingsFeed& feed, Recorder* recorder)

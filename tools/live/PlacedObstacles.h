@@ -49,7 +49,7 @@ public:
     static std::shared_ptr<const Surroundings> surround(const ConfiguredCase& configured, const std::vector<One>& all);
 
     /** What a filter says of the nearest obstacle, in terms of the file's obstacles and, after them, the places. Real time. */
-    static void renumber(const Surroundings& now, const Environment& own, Clearance& clearance) noexcept;
+    static void renumber(const Surroundings& now, const Environment& own, LimitReport& nearest) noexcept;
 
     /** @param recorder  null: no log. All outlive this. */
     PlacedObstacles(const ConfiguredCase& configured, SurroundingsFeed& feed, Recorder* recorder);

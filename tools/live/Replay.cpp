@@ -79,8 +79,9 @@ public:
         for (PlacedObstacles::Version& version : rows.takePlaced()) ahead_.push_back(std::move(version));
         // An age of 0 is told where the filter did not run; a version is at least a tick old when it does.
         const double tick_s = configured_.plan.tick_s;
-        if (row.missed || row.mapAge_s < 0.5 * tick_s) return;
-        const double stamp_s = row.time_s - row.mapAge_s, tolerance_s = 0.25 * tick_s;
+        const double age_s = row.reports[LimitKind::Clearance].age_s;
+        if (row.missed || age_s < 0.5 * tick_s) return;
+        const double stamp_s = row.time_s - age_s, tolerance_s = 0.25 * tick_s;
         for (std::size_t k = 0; k < ahead_.size(); ++k) {
             if (std::abs(ahead_[k].stamp_s - stamp_s) > tolerance_s) continue;
             feed->put(PlacedObstacles::surround(configured_, ahead_[k].all), ahead_[k].stamp_s);
@@ -92,7 +93,7 @@ public:
     void renumber(TickRecord& now) const {
         if (configured_.feed && configured_.plan.environment)
             PlacedObstacles::renumber(*configured_.feed->view().surroundings, *configured_.plan.environment,
-                                      now.clearance);
+                                      now.reports[LimitKind::Clearance]);
     }
 
 private:
@@ -107,7 +108,7 @@ public:
         : space_(space), limits_(std::move(limits)), row_(row) {}
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    MotionCommand::Space space() const override { return space_; }
+    CommandTraits traits() const override { return {space_}; }
     TickStatus sample(double, MotionCommand& out) override {
         out = row_.command;
         out.space = space_;  // a log says it once, not in its rows
@@ -145,7 +146,7 @@ public:
     /** Where the log's nominal arm began, which of a robot is where that stood. */
     void reset(const MotionState&) override {
         start_ = {row_.nominal.q, row_.nominal.qd};
-        isReset_ = plant_->hasClock();  // another one's first reading is that of the first tick
+        isReset_ = plant_->traits().hasClock;  // another one's first reading is that of the first tick
     }
     const JointState& measured() const override { return isReset_ ? start_ : row_.real; }
     const JointState& actual() const override { return row_.actual; }
@@ -156,10 +157,7 @@ public:
     const JointVector* externalTorque() const override {
         return plant_->externalTorque() ? &row_.externalTorque : nullptr;
     }
-    Encoder encoder() const override { return plant_->encoder(); }
-    int delayTicks() const override { return plant_->delayTicks(); }
-    JointVector motorRate() const override { return plant_->motorRate(); }
-    bool hasClock() const override { return plant_->hasClock(); }
+    PlantTraits traits() const override { return plant_->traits(); }
     TickStatus read(std::int64_t& ticksPassed) override {
         isReset_ = false;
         ticksPassed = ticksPassed_;
@@ -235,7 +233,7 @@ public:
         Rows rows(log_);
         auto configured = configureCase(plan_);
         LoopPlugins& plugins = configured->plugins;
-        hasClock_ = plugins.realPlant && plugins.realPlant->hasClock();
+        hasClock_ = plugins.realPlant && plugins.realPlant->traits().hasClock;
         auto ownCommand =
             std::make_unique<RecordedCommand>(rows.reader().layout().commandSpace, configured->setup.limits, row_);
         RecordedCommand& command = *ownCommand;

@@ -37,15 +37,15 @@ FoxgloveChannels::FoxgloveChannels(const LogLayout& layout, const std::string& n
                         {"supportedEncodings", json::array()},
                         {"metadata", {{"joint_names", dump(json(layout.jointNames))}}}});
     json advertised = json::array();
-    for (const LogChannel& channel : getLogChannels()) {
-        if (!channel.isLogged(layout)) continue;
+    for (const LogChannel* channel : listLogChannels()) {
+        if (!channel->isLogged(layout)) continue;
         advertised.push_back({{"id", channels_.size()},
-                              {"topic", channel.getTopic()},
+                              {"topic", channel->getTopic()},
                               {"encoding", "cdr"},
-                              {"schemaName", channel.getSchema()},
+                              {"schemaName", channel->getSchema()},
                               {"schemaEncoding", "ros2msg"},
-                              {"schema", channel.getSchemaText()}});
-        channels_.push_back(&channel);
+                              {"schema", channel->getSchemaText()}});
+        channels_.push_back(channel);
     }
     advertisement_ = dump({{"op", "advertise"}, {"channels", advertised}});
 }

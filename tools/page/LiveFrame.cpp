@@ -71,13 +71,13 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     out.add("hand_age_s", hand ? hand->age_s : kNaN);
     out.add("tool", record.tool);
     out.add("target", record.command.tool);
-    const Clearance& clearance = record.clearance;
-    out.add("clearance", clearance.isKnown ? clearance.distance : kNaN);
-    const double places[] = {static_cast<double>(clearance.link), static_cast<double>(clearance.obstacle),
-                             static_cast<double>(clearance.otherLink)};
+    const LimitReport& nearest = record.reports[LimitKind::Clearance];
+    out.add("clearance", nearest.isKnown ? nearest.margin : kNaN);
+    const double places[] = {static_cast<double>(nearest.link), static_cast<double>(nearest.other),
+                             static_cast<double>(nearest.otherLink)};
     out.add("nearest", places, 3, 3);
-    out.add("on_arm", clearance.onArm.data(), 3, 3);
-    out.add("on_obstacle", clearance.onObstacle.data(), 3, 3);
+    out.add("on_arm", nearest.onArm.data(), 3, 3);
+    out.add("on_obstacle", nearest.onOther.data(), 3, 3);
 
     const auto addJoints = [&](const char* name, const JointVector& values) {
         out.add(name, values.data(), values.size(), n);
@@ -155,6 +155,8 @@ std::string describeLive(const CasePlan& plan, const std::string& title, bool ha
     all["moves"] = !hasHand ? "" : movesJoints ? "joints" : "tool";
     all["has_real"] = plan.realPlant.has_value();
     all["tick_s"] = plan.tick_s;
+    for (int kind = 1; kind < countLimitKinds(); ++kind)
+        all["limits"].push_back(getName(static_cast<LimitKind>(kind), LimitSide::Neither));
     all["fields"] = describeFrame(plan.robot.size());
     all["binary"] = block.encode();
     return all.dump(-1, ' ', false, json::error_handler_t::replace);

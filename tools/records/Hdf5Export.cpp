@@ -134,9 +134,9 @@ std::vector<std::string> listWords(const std::string& column) {
     if (column.size() <= active.size() || column.compare(column.size() - active.size(), active.size(), active) != 0)
         return words;
     words.emplace_back(getName(LimitKind::None, LimitSide::Neither));
-    for (LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk,
-                           LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed, LimitKind::Separation})
-        for (LimitSide side : {LimitSide::Lower, LimitSide::Upper}) words.emplace_back(getName(kind, side));
+    for (int kind = 1; kind < countLimitKinds(); ++kind)
+        for (LimitSide side : {LimitSide::Lower, LimitSide::Upper})
+            words.emplace_back(getName(static_cast<LimitKind>(kind), side));
     return words;
 }
 

@@ -13,6 +13,7 @@
 #include "log/Mcap.h"
 #include "records/McapFile.h"
 #include "viable/core/Error.h"
+#include "viable/limits/ArmLimit.h"
 
 namespace viable {
 
@@ -50,7 +51,8 @@ bool isTime(const LogChannel& channel, const LogField& field) {
 template <class IsThere>
 std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThere) {
     std::vector<LogColumn> columns;
-    for (const LogChannel& channel : getLogChannels()) {
+    for (const LogChannel* one : listLogChannels()) {
+        const LogChannel& channel = *one;
         for (const LogField& field : channel.fields) {
             if (isTime(channel, field) && isThere(channel, field)) {
                 columns.insert(columns.begin(), LogColumn(field.name, field, 0));
@@ -186,7 +188,7 @@ struct LogReader::Impl {
                 break;
             case kMetadata: {
                 ByteReader in(content);
-                if (in.takeString() == "viable") metadata = in.takeMap();
+                if (in.takeString() == "viable") takeMetadata(in.takeMap());
                 break;
             }
             case kAttachment:
@@ -198,6 +200,16 @@ struct LogReader::Impl {
                 break;
         }
         return false;
+    }
+
+    void takeMetadata(std::map<std::string, std::string> entries) {
+        metadata = std::move(entries);
+        const auto kinds = metadata.find(kLimitKindsKey);
+        if (kinds == metadata.end()) return;
+        const nlohmann::json units = nlohmann::json::parse(kinds->second, nullptr, false);
+        if (!units.is_object()) return;
+        for (const auto& [kind, unit] : units.items())
+            if (unit.is_string()) addLimit(kind, unit.get<std::string>(), {});
     }
 
     void takeSchema(std::string_view bytes) {
@@ -221,18 +233,19 @@ struct LogReader::Impl {
         plans[id] = Plan{};
 
         const auto schema = schemas.find(schemaId);
-        const std::vector<LogChannel>& all = getLogChannels();
-        const auto channel = std::find_if(all.begin(), all.end(), [&](const LogChannel& c) {
-            return schema != schemas.end() && c.getTopic() == topic && c.getSchema() == schema->second.name;
+        const std::vector<const LogChannel*> all = listLogChannels();
+        const auto found = std::find_if(all.begin(), all.end(), [&](const LogChannel* c) {
+            return schema != schemas.end() && c->getTopic() == topic && c->getSchema() == schema->second.name;
         });
-        if (channel == all.end()) return;  // somebody else's
+        if (found == all.end()) return;  // somebody else's
+        const LogChannel* const channel = *found;
         if (encoding != "cdr" || schema->second.encoding != "ros2msg") {
             throw BadBytes(0, "channel " + quote(topic) + " is encoded as " + quote(encoding) + " with a schema in " +
                                   quote(schema->second.encoding) + "; this version reads `cdr` with `ros2msg`");
         }
         Plan plan;
-        plan.bit = std::uint32_t{1} << (channel - all.begin());
-        plan.channel = &*channel;
+        plan.bit = std::uint32_t{1} << (found - all.begin());
+        plan.channel = channel;
         if ((declared & plan.bit) != 0) {
             throw BadBytes(0, "a second channel " + quote(topic));
         }
@@ -251,9 +264,8 @@ struct LogReader::Impl {
         }
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
-        if (channel->name == "clearance") layout.hasEnvironment = true;
-        if (channel->name == "speed") layout.hasSpeedLimits = true;
-        if (channel->name == "separation") layout.hasPeople = true;
+        for (const LimitKind kind : listArmLimits())
+            if (channel->name == getName(kind, LimitSide::Neither)) layout.limits.set(kind);
         if (channel->name == "live") layout.isLive = true;
         declared |= plan.bit;
         const auto written = entries.find(kWritten);

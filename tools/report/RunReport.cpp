@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <stdexcept>
 
 #include "core/Text.h"
@@ -19,6 +20,7 @@
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
+#include "viable/limits/ArmLimit.h"
 
 namespace viable {
 
@@ -73,25 +75,43 @@ constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
 constexpr std::size_t kTracksPerJoint = kExternal + 1;
 
 /** What the replay shows of a tick's clearance, in this order. */
+const LimitReport& getNearest(const TickRecord& r) {
+    return r.reports[LimitKind::Clearance];
+}
 constexpr double (*kNearest[])(const TickRecord&) = {
-    [](const TickRecord& r) { return r.clearance.isKnown ? r.clearance.distance : kNan; },
-    [](const TickRecord& r) { return double(r.clearance.link); },
-    [](const TickRecord& r) { return double(r.clearance.obstacle); },
-    [](const TickRecord& r) { return double(r.clearance.otherLink); },
-    [](const TickRecord& r) { return r.clearance.onArm.x(); },
-    [](const TickRecord& r) { return r.clearance.onArm.y(); },
-    [](const TickRecord& r) { return r.clearance.onArm.z(); },
-    [](const TickRecord& r) { return r.clearance.onObstacle.x(); },
-    [](const TickRecord& r) { return r.clearance.onObstacle.y(); },
-    [](const TickRecord& r) { return r.clearance.onObstacle.z(); },
+    [](const TickRecord& r) { return getNearest(r).isKnown ? getNearest(r).margin : kNan; },
+    [](const TickRecord& r) { return double(getNearest(r).link); },
+    [](const TickRecord& r) { return double(getNearest(r).other); },
+    [](const TickRecord& r) { return double(getNearest(r).otherLink); },
+    [](const TickRecord& r) { return getNearest(r).onArm.x(); },
+    [](const TickRecord& r) { return getNearest(r).onArm.y(); },
+    [](const TickRecord& r) { return getNearest(r).onArm.z(); },
+    [](const TickRecord& r) { return getNearest(r).onOther.x(); },
+    [](const TickRecord& r) { return getNearest(r).onOther.y(); },
+    [](const TickRecord& r) { return getNearest(r).onOther.z(); },
 };
 
-/** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 128 jerk_upper, 256 torque_lower,
-512 torque_upper, 1024 clearance_lower, 8192 speed_upper, 32768 separation_upper; 0 none. */
+constexpr int kFirstArmKind = static_cast<int>(kFirstArmLimit), kArmBits = 2 * (kFirstArmKind - 1);
+static_assert(kArmBits + kMostLimitKinds - kFirstArmKind <= 16, "the page has 16 bits for acting limits");
+
+/** A limit's bit in the page: 1 position_lower, 2 position_upper, 4 velocity_lower, ... 512 torque_upper, then one for each
+limit of the whole arm; 0 none. */
 std::uint16_t toBit(const JointIntervention& joint) {
     if (joint.limit == LimitKind::None) return 0;
-    const int place = 2 * (static_cast<int>(joint.limit) - 1) + (joint.side == LimitSide::Upper);
+    const int kind = static_cast<int>(joint.limit);
+    const int place =
+        kind < kFirstArmKind ? 2 * (kind - 1) + (joint.side == LimitSide::Upper) : kArmBits + kind - kFirstArmKind;
     return static_cast<std::uint16_t>(1u << place);
+}
+
+/** The names of the bits. */
+json describeBits() {
+    json names = json::array();
+    for (int kind = 1; kind < kFirstArmKind; ++kind)
+        for (const LimitSide side : {LimitSide::Lower, LimitSide::Upper})
+            names.push_back(getName(static_cast<LimitKind>(kind), side));
+    for (const LimitKind kind : listArmLimits()) names.push_back(getName(kind, getLimitRow(kind).side));
+    return names;
 }
 
 /** 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted. */
@@ -166,7 +186,7 @@ public:
           hasRealArm_(reader.layout().hasRealPlant),
           external_(findExternalTorque(reader)),
           constants_(readConstants(metadata, reader.layout().jointNames.size())),
-          hasEnvironment_(reader.layout().hasEnvironment),
+          hasEnvironment_(reader.layout().limits.has(LimitKind::Clearance)),
           links_(metadata.links.value_or(std::vector<std::string>())),
           obstacles_(metadata.obstacles.value_or(std::vector<std::string>())),
           tracks_(reader.layout().jointNames.size() * kTracksPerJoint + 1),
@@ -376,13 +396,47 @@ const char* getSharedUnit(const json& joints) {
     return count == 0 ? "mrad" : count == static_cast<std::ptrdiff_t>(joints.size()) ? "mm" : "mrad and mm";
 }
 
+/** A figure of a limit of the whole arm, of a case of summary.json; null: it has none.
+@param arm  "nominal", "real" */
+json findFigure(const json& one, LimitKind kind, const char* arm, const LimitFigure::Member& member) {
+    const LimitRow& row = getLimitRow(kind);
+    const json block = one.value(row.block, json(nullptr));
+    const json record = block.is_object() ? block.value(arm, json(nullptr)) : json(nullptr);
+    if (!record.is_object()) return nullptr;
+    for (const LimitFigure& figure : row.figures)
+        if (figure.member == member) return record.value(figure.key, json(nullptr));
+    return nullptr;
+}
+std::optional<std::int64_t> countBroken(const json& one, LimitKind kind, const char* arm) {
+    const json ticks = findFigure(one, kind, arm, &ArmLimitRecord::brokenTicks);
+    return ticks.is_number_integer() ? std::optional(ticks.get<std::int64_t>()) : std::nullopt;
+}
+
 /** The comparison of the cases, from summary.json. @param joints  of the robot, as the page has them */
 json describeTable(const json& summary, const std::vector<fs::path>& logs, const json& joints) {
     const char* const unit = getSharedUnit(joints);
     json rows = json::array();
     std::string missing;
-    bool hasEnvironment = false;
-    for (const json& one : summary.value("cases", json::array())) {
+    const json cases = summary.value("cases", json::array());
+    std::vector<LimitKind> shown = {LimitKind::Clearance};
+    json columns = {
+        "case",    "filter",     "position",        "velocity",           "acceleration",         "jerk",
+        "outside", "infeasible", "changed",         "real - nominal RMS", "real - nominal max",   "command error",
+        "chatter", "collisions", "least clearance", "collisions, real",   "least clearance, real"};
+    const auto isCounted = [&](LimitKind kind) {
+        return std::any_of(cases.begin(), cases.end(),
+                           [&](const json& one) { return countBroken(one, kind, "nominal").has_value(); });
+    };
+    for (const LimitKind kind : listArmLimits()) {
+        const LimitRow& row = getLimitRow(kind);
+        if (kind == LimitKind::Clearance || row.heading == "-" || !isCounted(kind)) continue;
+        shown.push_back(kind);
+        for (const char* end : {"", ", real"}) {
+            columns.push_back(row.label + ", ticks beyond" + end);
+            columns.push_back(row.label + ", worst" + end);
+        }
+    }
+    for (const json& one : cases) {
         const std::string name = one.value("name", "");
         const bool hasLog =
             std::any_of(logs.begin(), logs.end(), [&](const fs::path& log) { return getCase(log) == name; });
@@ -414,33 +468,32 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
                    chatter = one.value("chatter", json(nullptr));
         row.push_back(command.is_number() ? format("%.4g %s", 1e3 * command.get<double>(), unit) : "-");
         row.push_back(chatter.is_number() ? format("%.3g %%", 100.0 * chatter.get<double>()) : "-");
-        const json collisions = one.value("collisions", json(nullptr));
-        hasEnvironment |= collisions.is_object();
-        for (const char* arm : {"nominal", "real"}) {
-            const json record = collisions.is_object() ? collisions.value(arm, json(nullptr)) : json(nullptr);
-            row.push_back(record.is_object() ? std::to_string(record.at("ticks_in_collision").get<std::int64_t>())
-                                             : "-");
-            const json least = record.is_object() ? record.at("least_clearance_m") : json(nullptr);
-            row.push_back(least.is_number() ? format("%.3g mm", 1e3 * least.get<double>()) : "-");
+        for (const LimitKind kind : shown) {
+            const bool isLength = kind == LimitKind::Clearance;
+            for (const char* arm : {"nominal", "real"}) {
+                const auto ticks = countBroken(one, kind, arm);
+                row.push_back(ticks ? std::to_string(*ticks) : "-");
+                const json worst = findFigure(one, kind, arm, &ArmLimitRecord::worst);
+                row.push_back(worst.is_number() ? format("%.3g %s", (isLength ? 1e3 : 1.0) * worst.get<double>(),
+                                                         isLength ? "mm" : getUnit(kind, false))
+                                                : "-");
+            }
         }
         rows.push_back(row);
     }
-    return {
-        {"columns",
-         {"case", "filter", "position", "velocity", "acceleration", "jerk", "outside", "infeasible", "changed",
-          "real - nominal RMS", "real - nominal max", "command error", "chatter", "collisions", "least clearance",
-          "collisions, real", "least clearance, real"}},
-        {"rows", rows},
-        {"note",
-         std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
-                     "infeasible: ticks ") +
-             "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
-             "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
-             "joints pressed against a position limit at rest, in percent of the jerk limit." +
-             (hasEnvironment ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
-                               "in the whole run, as found afterwards without the filter."
-                             : "") +
-             (missing.empty() ? "" : missing + ".")}};
+    return {{"columns", columns},
+            {"rows", rows},
+            {"note",
+             std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
+                         "infeasible: ticks ") +
+                 "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
+                 "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
+                 "joints pressed against a position limit at rest, in percent of the jerk limit." +
+                 (isCounted(LimitKind::Clearance)
+                      ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
+                        "in the whole run, as found afterwards without the filter."
+                      : "") +
+                 (missing.empty() ? "" : missing + ".")}};
 }
 
 /** The cases' resolved files in one: what stands before the cases once, as far as it is the same. */
@@ -472,13 +525,11 @@ std::string getPlugin(const LogMetadata& metadata, const std::string& kind) {
     return names;
 }
 
-/** Whether an arm of a case of the summary touched anything, the nominal or the real one. */
-bool touched(const json& known) {
-    const json collisions = known.value("collisions", json(nullptr));
-    if (!collisions.is_object()) return false;
-    for (const char* arm : {"nominal", "real"})
-        if (const json one = collisions.value(arm, json(nullptr)); one.is_object() && one.at("ticks_in_collision") > 0)
-            return true;
+/** Whether an arm of a case of the summary broke a limit of the whole arm, the nominal or the real one. */
+bool hasBroken(const json& known) {
+    for (const LimitKind kind : listArmLimits())
+        for (const char* arm : {"nominal", "real"})
+            if (countBroken(known, kind, arm).value_or(0) > 0) return true;
     return false;
 }
 
@@ -632,7 +683,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         if (known.value("name", "") != one["name"]) continue;
         one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
         one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
-                    known.value("stop", "").empty() && !touched(known) && reader.isComplete();
+                    known.value("stop", "").empty() && !hasBroken(known) && reader.isComplete();
         one["kept"] = one["ok"];
         one["ok"] = one["ok"].get<bool>() && known.value("shortcomings", json::array()).empty();
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
@@ -760,6 +811,7 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
     if (!environments.list().empty()) data["environments"] = environments.list();
     data["yaml"] = joinFiles(yaml);
     const std::string title = summary.value("title", findTitle(yaml));
+    data["limits"] = describeBits();  // of logs that have been read
     data["title"] = title.empty() ? folder.filename().string() : title;
     const fs::path file = folder / fileName;
     page.write(file, std::move(data), block);

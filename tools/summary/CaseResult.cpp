@@ -7,19 +7,13 @@
 namespace viable {
 
 bool CaseResult::isRealGuaranteeBroken() const {
-    return holdsOnReal && guarantees && summary.anyRealLimitBroken();
+    return holdsOnReal && guarantees.hasJoints() && summary.anyRealLimitBroken();
 }
 
-bool CaseResult::isClearanceGuaranteeBroken() const {
-    return guaranteesClearance && summary.collisions() && summary.collisions()->nominal.ticksInCollision > 0;
-}
-
-bool CaseResult::isSpeedGuaranteeBroken() const {
-    return guaranteesSpeed && summary.speeds() && summary.speeds()->nominal.ticksTooFast > 0;
-}
-
-bool CaseResult::isSeparationGuaranteeBroken() const {
-    return guaranteesSeparation && summary.separations() && summary.separations()->nominal.guiltyTicks > 0;
+LimitSet CaseResult::brokenGuarantees() const {
+    LimitSet broken;
+    for (const LimitAccount& account : summary.accounts()) broken.set(account.kind, account.nominal.violatedTicks > 0);
+    return broken & guarantees;
 }
 
 bool isGraver(int a, int b) {
@@ -32,8 +26,7 @@ bool isGraver(int a, int b) {
 }
 
 int CaseResult::exitCode() const {
-    if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || isClearanceGuaranteeBroken() ||
-        isSpeedGuaranteeBroken() || isSeparationGuaranteeBroken())
+    if (stopReason == StopReason::GuaranteeBroken || isRealGuaranteeBroken() || !brokenGuarantees().isEmpty())
         return static_cast<int>(ErrorKind::GuaranteeBroken);
     if (summary.trip() || stopReason == StopReason::NotFollowing) return static_cast<int>(ErrorKind::TrackingLost);
     const bool isWanted =

@@ -27,11 +27,8 @@ struct CaseResult {
     std::map<std::string, std::string> others;
     std::string robustLoop;  ///< empty: no real plant
     std::string realPlant;
-    bool guarantees = false;                    ///< the filter guarantees every limit
-    bool guaranteesClearance = false;           ///< and that the nominal arm touches nothing
-    bool guaranteesSpeed = false;               ///< and that it keeps the speed limits of its points
-    bool guaranteesSeparation = false;          ///< and that it touches nobody faster than allowed
-    std::vector<std::string> links, obstacles;  ///< that a Clearance names by index; may be empty
+    LimitSet guarantees;                        ///< of the filter
+    std::vector<std::string> links, obstacles;  ///< that a LimitReport names by index; may be empty
     /** Of that guarantee position and velocity are the real arm's, as long as the run does not trip. */
     bool holdsOnReal = false;
     std::optional<LoopMargins> margins;        ///< of a robust loop that tells its law
@@ -51,12 +48,8 @@ struct CaseResult {
 
     /** The guarantee on the real arm was broken: it passed a limit before anything had tripped. */
     bool isRealGuaranteeBroken() const;
-    /** The nominal arm touched what it must not, under a filter that guarantees clearances. */
-    bool isClearanceGuaranteeBroken() const;
-    /** A point of the nominal arm was too fast, under a filter that guarantees its speed limits. */
-    bool isSpeedGuaranteeBroken() const;
-    /** Somebody who kept to what is said of him was touched too fast, under a filter that guarantees separation. */
-    bool isSeparationGuaranteeBroken() const;
+    /** Limits of the whole arm that the filter guarantees and the nominal arm broke. */
+    LimitSet brokenGuarantees() const;
     /** 0, or the ErrorKind's number: broken guarantee before lost tracking before failed plugin before lost log. */
     int exitCode() const;
 };

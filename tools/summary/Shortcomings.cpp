@@ -137,11 +137,12 @@ std::string nameCause(const ErrorCauses& causes, bool swings, const char* otherw
     if (isHeldOff(causes))
         return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
                       100.0 * causes.share(LimitKind::Clearance));
-    for (const auto& [kind, name] :
-         {std::pair(LimitKind::Torque, "torque"), std::pair(LimitKind::Speed, "point speed"),
-          std::pair(LimitKind::Separation, "separation"), std::pair(LimitKind::Position, "position")})
+    std::vector<std::pair<LimitKind, std::string>> kinds{{LimitKind::Torque, "torque"}};
+    for (const LimitKind kind : listArmLimits()) kinds.emplace_back(kind, getLimitRow(kind).limitWord);
+    kinds.emplace_back(LimitKind::Position, "position");
+    for (const auto& [kind, name] : kinds)
         if (causes.share(kind) >= kCauseShare)
-            return format("held by %s limits, in %.0f %% of that error", name, 100.0 * causes.share(kind));
+            return format("held by %s limits, in %.0f %% of that error", name.c_str(), 100.0 * causes.share(kind));
     return otherwise;
 }
 
@@ -209,14 +210,14 @@ void addChatter(const CaseResult& r, std::vector<std::string>& found) {
 
 /** " (link5 next to table)"; empty: not known. */
 std::string nameNearest(const CaseResult& r) {
-    const Clearance& nearest = r.summary.standstill().nearest;
+    const LimitReport& nearest = r.summary.standstill().nearest;
     const auto find = [](const std::vector<std::string>& names, int index) {
         return index >= 0 && index < static_cast<int>(names.size()) ? names[static_cast<std::size_t>(index)]
                                                                     : std::string("what is around");
     };
     if (!nearest.isKnown || r.links.empty()) return "";
     return " (" + find(r.links, nearest.link) + " next to " +
-           (nearest.otherLink >= 0 ? find(r.links, nearest.otherLink) : find(r.obstacles, nearest.obstacle)) + ")";
+           (nearest.otherLink >= 0 ? find(r.links, nearest.otherLink) : find(r.obstacles, nearest.other)) + ")";
 }
 
 /** An arm that stood on its backup stop though it was asked to move. */
@@ -224,13 +225,10 @@ void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
     const StandstillRecord& s = r.summary.standstill();
     if (!(s.longest_s > 0.0)) return;
     const bool isClearance = s.limit == LimitKind::Clearance;
-    const char* const remedy =
-        isClearance ? " (command a way around what is near, steering is local; a smaller safety_distance_m; max_age_s "
-                      "stops it, too)"
+    const std::string remedy =
+        s.limit >= kFirstArmLimit ? getLimitRow(s.limit).remedy
         : s.limit == LimitKind::Torque
             ? " (a larger torque_share or torque_rate_Nmps, or lower limits of acceleration and jerk)"
-        : s.limit == LimitKind::Separation
-            ? " (somebody was, or may have been, within its reach: it goes on when people are seen farther away)"
             : " (larger limits of that kind, or a command that keeps to them)";
     found.push_back(
         format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was asked "

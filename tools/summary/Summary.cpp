@@ -407,7 +407,7 @@ void Summary::addStandstill(const TickRecord& record) {
     standstill_.longest_s = time_s;
     standstill_.begin_s = standingSince_s_;
     standstill_.limit = held;
-    standstill_.nearest = record.clearance;
+    standstill_.nearest = record.reports[LimitKind::Clearance];
 }
 
 void Summary::add(const TickRecord& record) {
@@ -466,10 +466,16 @@ bool Summary::endsOutside() const {
     return false;
 }
 
+const LimitAccount* Summary::account(LimitKind kind) const {
+    for (const LimitAccount& account : accounts_)
+        if (account.kind == kind) return &account;
+    return nullptr;
+}
+
 std::map<std::pair<std::string, std::string>, InterventionRecord> Summary::interventions() const {
     std::map<std::pair<std::string, std::string>, InterventionRecord> all;
     for (std::size_t i = 0; i < acting_.size(); ++i)
-        for (int k = 1; k < kLimitKinds; ++k)
+        for (int k = 1; k < kMostLimitKinds; ++k)
             for (int side = 0; side < 2; ++side)
                 if (acting_[i].records[k][side].ticks > 0)
                     all[{jointNames_[i],

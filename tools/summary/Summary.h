@@ -13,6 +13,7 @@
 
 #include "tracking/TrackingBound.h"
 #include "viable/core/JointLimits.h"
+#include "viable/limits/ArmLimit.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardSummary.h"
 
@@ -78,7 +79,7 @@ public:
 
 private:
     double squared_ = 0.0;
-    std::array<double, kLimitKinds> squaredBy_{};
+    std::array<double, kMostLimitKinds> squaredBy_{};
     double heldOff_s_ = 0.0;  // that is left of it
 };
 
@@ -158,98 +159,18 @@ struct MotorRecord {
     std::int64_t reversals = 0;
 };
 
-/** How near an arm came to what it must not touch: obstacles, and itself. Looked at in the rows and half-way between
-them; a tick counts with the poses after its beginning, the first one with that, too. */
-struct CollisionRecord {
-    /** Least distance in the whole run [m]; negative: that deep inside; infinity: nothing within
-    kClearanceHorizon_m; -infinity: a pose was no number. */
-    double leastClearance = std::numeric_limits<double>::infinity();
-    double leastClearance_s = 0.0;  ///< when
-    std::string link;               ///< what came nearest then
-    std::string obstacle;           ///< to what; empty: to the arm itself
-    std::string otherLink;          ///< which link of it; empty: to an obstacle
-    std::int64_t ticksInCollision = 0;
-    std::optional<double> firstCollision_s;
-    std::int64_t ticksTooNear = 0;  ///< within the safety distance
-
-    /** Deepest inside [m]; 0: never. */
-    double penetration() const { return std::max(0.0, -leastClearance); }
-};
-
-/** Clearances are looked for up to here [m], and two ways to compute one agree to this [m]. */
-inline constexpr double kClearanceHorizon_m = 1.0, kClearanceRounding_m = 1e-9;
-
-/** How the arms of a run fared in their environment. */
-struct Collisions {
-    double safetyDistance_m = 0.0;
-    CollisionRecord nominal;
-    std::optional<CollisionRecord> real;  ///< its true state, where the plant knows it
-};
-
-/** How fast points of an arm moved, against RobotDescription::speedLimits. Looked at in the rows and half-way between them;
-a tick counts with the looks after its beginning, the first one with that, too. Of a real arm whose readings did not come in
-time, ticks without one do not count, and the way to the next reading is not judged. */
-struct SpeedRecord {
-    double largest = 0.0;  ///< of all points that are limited somewhere [m/s]
-    double use = 0.0;      ///< largest speed / limit; 0: nothing moved where a limit counts
-    double use_s = 0.0;    ///< when
-    std::string part;      ///< of which link, or "tool"; empty where use is 0
-    std::int64_t ticks = 0;
-    std::int64_t ticksAtLimit = 0;  ///< above kAtSpeedLimit of a limit
-    std::int64_t ticksTooFast = 0;
-    std::optional<double> firstTooFast_s;
-};
-
-/** A speed above this share of its limit is at the limit; beyond it by less than the other it is not above it: rounding. */
-inline constexpr double kAtSpeedLimit = 0.95, kSpeedRounding = 1e-9;
-
-/** Of the arms of a run with speed limits. */
-struct Speeds {
-    SpeedRecord nominal;
-    std::optional<SpeedRecord> real;  ///< its true state, where the plant knows it
-};
-
-/** How an arm kept apart from the people of a run, as they truly walked: in the rows and half-way between them. */
-struct SeparationRecord {
-    std::int64_t ticks = 0;
-    std::int64_t touchedTicks = 0;  ///< somebody was touched, at whatever speed
-    std::int64_t tooFastTicks = 0;  ///< and by a point faster than that person's contact speed
-    /** Of these, those by people who keep to what is said of them: none faster than stated, and seen from the start on. */
-    std::int64_t guiltyTicks = 0;
-    std::optional<double> firstTooFast_s;
-    double fastestTouch = 0.0;  ///< fastest point of what touched somebody [m/s]
-    /** Least gap between a person and a part of the arm that was faster than the person may be touched at [m]; infinite: there
-    was none. */
-    double protective = std::numeric_limits<double>::infinity();
-    double protective_s = 0.0;  ///< when
-    std::string part, person;   ///< of it, or of the first contact that was too fast
-};
-/** Slower points of the nominal arm, of the real one, are at rest [m/s]. */
-inline constexpr double kNominalRest = 1e-6, kRealArmRest = 0.01;
-
-/** Of the arms of a run with people near. */
-struct Separations {
-    SeparationRecord nominal;
-    std::optional<SeparationRecord> real;  ///< its true state, where the plant knows it
-    double resting_s = 0.0;                ///< the nominal arm stood still because of people
-    PeopleFaults faults;                   ///< as the filter found them
-    std::string lastFault;                 ///< of whom
-    /** Whom the arm may touch while it moves, and at which speed [m/s]. */
-    std::vector<std::pair<std::string, double>> contactSpeeds;
-};
-
 /** An arm that was asked to move and stood on its backup stop (FilterStatus::StoppedByPlan), at rest, in one go for
 kLongStandstill_s or more. */
 struct StandstillRecord {
     double longest_s = 0.0, begin_s = 0.0;  ///< the longest one and when it began
     double total_s = 0.0;                   ///< of all
     LimitKind limit = LimitKind::None;      ///< that acted at the end of the longest one
-    Clearance nearest;                      ///< then
+    LimitReport nearest;                    ///< the nearest obstacle or link then
 };
 inline constexpr double kLongStandstill_s = 2.0;
 
-/** What a run came to, from its tick records alone (so a log gives the same summary again), but for collisions and
-speeds, which somebody else counts. */
+/** What a run came to, from its tick records alone (so a log gives the same summary again), but for limits
+of the whole arm, which somebody else counts. */
 class Summary {
 public:
     /** @param reference  without a real plant: not looked at */
@@ -262,9 +183,8 @@ public:
     /** The state that the last tick led to, which no record holds. */
     void addEnd(const MotionState& nominal, double time_s);
 
-    void setCollisions(Collisions collisions) { collisions_ = std::move(collisions); }
-    void setSpeeds(Speeds speeds) { speeds_ = std::move(speeds); }
-    void setSeparations(Separations separations) { separations_ = std::move(separations); }
+    /** In the order of their kinds. */
+    void addAccount(LimitAccount account) { accounts_.push_back(std::move(account)); }
 
     static constexpr int kQuantities = 4;  ///< position, velocity, acceleration, jerk: LimitKind 1..4
     /** Per quantity (LimitKind Position..Jerk), one entry per joint. */
@@ -323,11 +243,10 @@ public:
     joint-second of it. */
     double chatter() const;
 
-    /** Of a run in an environment. */
-    const std::optional<Collisions>& collisions() const { return collisions_; }
-    /** Of a run with speed limits. */
-    const std::optional<Speeds>& speeds() const { return speeds_; }
-    const std::optional<Separations>& separations() const { return separations_; }
+    /** Accounts of the limits of the whole arm. */
+    const std::vector<LimitAccount>& accounts() const { return accounts_; }
+    /** Null: the run has no such limit, or it was not counted. */
+    const LimitAccount* account(LimitKind kind) const;
     const StandstillRecord& standstill() const { return standstill_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
@@ -400,7 +319,7 @@ private:
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */
     struct Acting {
-        std::array<std::array<InterventionRecord, 2>, kLimitKinds> records;
+        std::array<std::array<InterventionRecord, 2>, kMostLimitKinds> records;
         JointIntervention last;
         std::int64_t episodeTicks = 0;
     };
@@ -430,9 +349,7 @@ private:
     PointMotion commandMotion_, toolMotion_;
     double squaredJerk_ = 0.0;
     bool broken_ = false;
-    std::optional<Collisions> collisions_;
-    std::optional<Speeds> speeds_;
-    std::optional<Separations> separations_;
+    std::vector<LimitAccount> accounts_;
     StandstillRecord standstill_;
     std::int64_t standingTicks_ = 0;  ///< in a row
     double standingSince_s_ = 0.0;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
+#include <mutex>
 
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
@@ -25,23 +27,8 @@ bool hasBound(R r) {
 bool hasTripped(R r) {
     return r.summary.trip().has_value();
 }
-bool hasEnvironment(R r) {
-    return r.summary.collisions().has_value();
-}
-bool hasSpeedLimits(R r) {
-    return r.summary.speeds().has_value();
-}
-bool hasRealArmWithSpeedLimits(R r) {
-    return hasSpeedLimits(r) && r.summary.speeds()->real;
-}
-bool hasPeople(R r) {
-    return r.summary.separations().has_value();
-}
-bool hasRealArmAmongPeople(R r) {
-    return hasPeople(r) && r.summary.separations()->real;
-}
-bool hasRealArmInEnvironment(R r) {
-    return hasEnvironment(r) && r.summary.collisions()->real;
+const LimitAccount* findAccount(R r, LimitKind kind) {
+    return r.summary.account(kind);
 }
 
 template <class Value>
@@ -66,9 +53,9 @@ public:
 
     /** What is added from here on stands in this block of summary.json; it is null in a case that has no such thing. */
     void begin(
-        const std::string& block, bool (*exists)(R) = [](R) { return true; }) {
+        const std::string& block, std::function<bool(R)> exists = [](R) { return true; }) {
         block_ = block;
-        exists_ = exists;
+        exists_ = std::move(exists);
     }
     /** @param get  of the summary and a joint, of the summary, or of the result */
     template <class Get>
@@ -123,8 +110,62 @@ public:
 
 private:
     std::string block_;
-    bool (*exists_)(R) = nullptr;
+    std::function<bool(R)> exists_;
 };
+
+json getFigure(const LimitFigure::Member& member, const ArmLimitRecord& record) {
+    return std::visit(
+        [&](auto of) -> json {
+            if constexpr (std::is_same_v<decltype(of), std::string ArmLimitRecord::*>)
+                return orNull(record.*of);
+            else
+                return toJson(std::invoke(of, record));
+        },
+        member);
+}
+
+/** "Real arm: ticks too fast" of "Ticks too fast". */
+std::string nameOfReal(std::string label) {
+    label.front() = static_cast<char>(std::tolower(static_cast<unsigned char>(label.front())));
+    return "Real arm: " + label;
+}
+
+/** The figures of a limit of the whole arm. */
+void addArmLimit(Table& t, LimitKind kind) {
+    const LimitRow& row = getLimitRow(kind);
+    for (const bool isReal : {false, true}) {
+        t.begin(row.block + (isReal ? ".real." : ".nominal."), [=](R r) {
+            const LimitAccount* account = findAccount(r, kind);
+            return account && (!isReal || account->real);
+        });
+        for (const LimitFigure& figure : row.figures) {
+            t.add(figure.key, [=, member = figure.member](S s) {
+                const LimitAccount& account = *s.account(kind);
+                return getFigure(member, isReal ? *account.real : account.nominal);
+            });
+            if (figure.column.empty()) continue;
+            SummaryFigure& column = t.column((isReal ? "real." : "") + row.columnBlock + "." + figure.column,
+                                             figure.unit, isReal ? nameOfReal(figure.label) : figure.label);
+            if (figure.member == LimitFigure::Member(&ArmLimitRecord::worst))
+                column.horizon = row.horizon;  // a store holds finite numbers
+        }
+    }
+    t.begin(row.block + ".", [=](R r) { return findAccount(r, kind) != nullptr; });
+    if (!row.limitKey.empty()) t.add(row.limitKey, [=](S s) { return toJson(s.account(kind)->limit); });
+    if (!row.watchesPeople) return;
+    t.add("resting_s", [=](S s) {
+         return s.account(kind)->resting_s;
+     }).column(row.columnBlock + ".resting_s", "s", "At rest because of people");
+    t.add("contact_speeds_mps", [=](S s) {
+        json speeds = json::object();
+        for (const auto& [name, speed] : s.account(kind)->allowances) speeds[name] = speed;
+        return speeds;
+    });
+    t.add("appeared", [=](S s) { return s.account(kind)->faults.appeared; });
+    t.add("faster_than_stated", [=](S s) { return s.account(kind)->faults.faster; });
+    t.add("lost", [=](S s) { return s.account(kind)->faults.lost; });
+    t.add("refused", [=](S s) { return s.account(kind)->faults.refused; });
+}
 
 std::vector<SummaryFigure> makeFigures() {
     Table t;
@@ -184,88 +225,7 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("<joint>.ticks_rate_limited", [](S s, int i) { return s.motor(i).ticksRateLimited; });
     t.add("<joint>.worst_time_s", [](S s, int i) { return s.motor(i).worstTime_s; });
 
-    for (const bool isReal : {false, true}) {
-        t.begin(isReal ? "collisions.real." : "collisions.nominal.", isReal ? hasRealArmInEnvironment : hasEnvironment);
-        const auto add = [&](const char* key, auto get) -> Table& {
-            return t.add(key, [=](S s) {
-                return toJson(std::invoke(get, isReal ? *s.collisions()->real : s.collisions()->nominal));
-            });
-        };
-        using C = const CollisionRecord&;
-        const std::string prefix = isReal ? "real.collision." : "collision.";
-        add("least_clearance_m", &CollisionRecord::leastClearance)
-            .column(prefix + "least_clearance_m", "m", isReal ? "Real arm: least clearance" : "Least clearance")
-            .horizon = kClearanceHorizon_m;  // a store holds finite numbers
-        add("ticks_in_collision", &CollisionRecord::ticksInCollision)
-            .column(prefix + "ticks", "", isReal ? "Real arm: ticks in collision" : "Ticks in collision");
-        add("ticks_too_near", &CollisionRecord::ticksTooNear)
-            .column(prefix + "ticks_too_near", "",
-                    isReal ? "Real arm: ticks within the safety distance" : "Ticks within the safety distance");
-        add("least_clearance_s", &CollisionRecord::leastClearance_s);
-        add("penetration_m", &CollisionRecord::penetration);
-        add("first_collision_s", &CollisionRecord::firstCollision_s);
-        add("link", [](C c) { return orNull(c.link); });
-        add("obstacle", [](C c) { return orNull(c.obstacle); });
-        add("other_link", [](C c) { return orNull(c.otherLink); });
-    }
-    t.begin("collisions.", hasEnvironment);
-    t.add("safety_distance_m", [](S s) { return s.collisions()->safetyDistance_m; });
-
-    for (const bool isReal : {false, true}) {
-        t.begin(isReal ? "speeds.real." : "speeds.nominal.", isReal ? hasRealArmWithSpeedLimits : hasSpeedLimits);
-        const auto add = [&](const char* key, auto get) -> Table& {
-            return t.add(
-                key, [=](S s) { return toJson(std::invoke(get, isReal ? *s.speeds()->real : s.speeds()->nominal)); });
-        };
-        const std::string prefix = isReal ? "real.speed." : "speed.";
-        add("largest_mps", &SpeedRecord::largest)
-            .column(prefix + "largest_mps", "m/s",
-                    isReal ? "Real arm: largest speed of a point" : "Largest speed of a point");
-        add("worst_use", &SpeedRecord::use)
-            .column(prefix + "worst_use", "",
-                    isReal ? "Real arm: largest share of a speed limit" : "Largest share of a speed limit");
-        add("ticks_too_fast", &SpeedRecord::ticksTooFast)
-            .column(prefix + "ticks_too_fast", "", isReal ? "Real arm: ticks too fast" : "Ticks too fast");
-        add("worst_use_s", &SpeedRecord::use_s);
-        add("part", [](const SpeedRecord& r) { return orNull(r.part); });
-        add("ticks_at_limit", &SpeedRecord::ticksAtLimit);
-        add("first_too_fast_s", &SpeedRecord::firstTooFast_s);
-    }
-
-    for (const bool isReal : {false, true}) {
-        t.begin(isReal ? "people.real." : "people.nominal.", isReal ? hasRealArmAmongPeople : hasPeople);
-        const auto add = [&](const char* key, auto get) -> Table& {
-            return t.add(key, [=](S s) {
-                return toJson(std::invoke(get, isReal ? *s.separations()->real : s.separations()->nominal));
-            });
-        };
-        const std::string prefix = isReal ? "real.people." : "people.";
-        add("ticks_too_fast", &SeparationRecord::tooFastTicks)
-            .column(prefix + "ticks_too_fast", "",
-                    isReal ? "Real arm: ticks that touch somebody too fast" : "Ticks that touch somebody too fast");
-        add("protective_m", &SeparationRecord::protective)
-            .column(prefix + "protective_m", "m",
-                    isReal ? "Real arm: least gap to what was too fast" : "Least gap to what was too fast");
-        add("protective_s", &SeparationRecord::protective_s);
-        add("touched_ticks", &SeparationRecord::touchedTicks);
-        add("fastest_touch_mps", &SeparationRecord::fastestTouch);
-        add("first_too_fast_s", &SeparationRecord::firstTooFast_s);
-        add("part", [](const SeparationRecord& r) { return orNull(r.part); });
-        add("person", [](const SeparationRecord& r) { return orNull(r.person); });
-    }
-    t.begin("people.", hasPeople);
-    t.add("resting_s", [](S s) {
-         return s.separations()->resting_s;
-     }).column("people.resting_s", "s", "At rest because of people");
-    t.add("contact_speeds_mps", [](S s) {
-        json speeds = json::object();
-        for (const auto& [name, speed] : s.separations()->contactSpeeds) speeds[name] = speed;
-        return speeds;
-    });
-    t.add("appeared", [](S s) { return s.separations()->faults.appeared; });
-    t.add("faster_than_stated", [](S s) { return s.separations()->faults.faster; });
-    t.add("lost", [](S s) { return s.separations()->faults.lost; });
-    t.add("refused", [](S s) { return s.separations()->faults.refused; });
+    for (const LimitKind kind : listArmLimits()) addArmLimit(t, kind);
 
     t.begin("");
     t.add("standstill_s", [](S s) { return s.standstill().total_s; });
@@ -359,8 +319,13 @@ json SummaryFigure::getColumn(const CaseResult& result, int joint) const {
 }
 
 const std::vector<SummaryFigure>& listSummaryFigures() {
-    static const std::vector<SummaryFigure> figures = makeFigures();
-    return figures;
+    static std::mutex making;
+    static std::map<int, const std::vector<SummaryFigure>> byKinds;  // what was told once stays
+    const std::lock_guard<std::mutex> guard(making);
+    const int kinds = countLimitKinds();
+    auto known = byKinds.find(kinds);
+    if (known == byKinds.end()) known = byKinds.emplace(kinds, makeFigures()).first;
+    return known->second;
 }
 
 }  // namespace viable

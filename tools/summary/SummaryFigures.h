@@ -23,7 +23,7 @@ struct SummaryFigure {
     /** Its place below the case in summary.json: "tracking.joints.<joint>.max_rad"; empty: not there. */
     std::string key;
     /** Whether the case has what the figure tells of: a real arm, an environment, ... */
-    bool (*exists)(const CaseResult&) = nullptr;
+    std::function<bool(const CaseResult&)> exists;
     /** A number (maybe infinite or NaN), a word, a truth; null: it has no value. */
     std::function<nlohmann::json(const CaseResult&, int joint)> get;
 
@@ -40,7 +40,8 @@ struct SummaryFigure {
     nlohmann::json getColumn(const CaseResult& result, int joint) const;
 };
 
-/** All of them; the sweep's columns are in this order. One entry more is a figure more in both places. */
+/** All of them; the sweep's columns are in this order. One entry more is a figure more in both places. Kinds of limits
+that are added later bring theirs along. */
 const std::vector<SummaryFigure>& listSummaryFigures();
 
 }  // namespace viable

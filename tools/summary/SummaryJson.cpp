@@ -59,11 +59,8 @@ json describe(const CaseResult& r) {
                 {"robust_loop", r.robustLoop},
                 {"real_plant", r.realPlant},
                 {"seeds", r.seeds},
-                {"guarantees_limits", r.guarantees},
+                {"guarantees_limits", r.guarantees.hasJoints()},
                 {"holds_on_real", r.holdsOnReal},
-                {"guarantees_clearance", r.guaranteesClearance},
-                {"guarantees_speed", r.guaranteesSpeed},
-                {"guarantees_separation", r.guaranteesSeparation},
                 {"interventions", describeInterventions(r.summary)},
                 {"controller", r.controller},
                 {"verdict", formatVerdict(r)},
@@ -78,10 +75,12 @@ json describe(const CaseResult& r) {
                 {"log_error", r.logError},
                 {"live", r.live ? describe(*r.live) : json(nullptr)},
                 {"exit_code", r.exitCode()}};
-    for (const char* block : {"tracking", "real_limits", "bound", "motors", "trip", "collisions", "speeds"})
-        one[block] = nullptr;
-    if (r.summary.collisions()) one["collisions"]["real"] = nullptr;
-    if (r.summary.speeds()) one["speeds"]["real"] = nullptr;
+    for (const char* block : {"tracking", "real_limits", "bound", "motors", "trip"}) one[block] = nullptr;
+    for (const LimitKind kind : listArmLimits()) {
+        one[std::string("guarantees_") + getName(kind, LimitSide::Neither)] = r.guarantees.has(kind);
+        json& block = one[getLimitRow(kind).block] = nullptr;
+        if (r.summary.account(kind)) block["real"] = nullptr;
+    }
     const std::vector<std::string>& joints = r.summary.jointNames();
     for (const SummaryFigure& figure : listSummaryFigures())
         for (std::size_t i = 0; i < (figure.isPerJoint() ? joints.size() : 1); ++i)

@@ -32,10 +32,6 @@ coupling and the lag gamma, too). least margin: smallest distance to a position 
 negative: beyond. unviable ticks: the state after them was not viable (no stop within the limits was found).
 )";
 
-const char* const kClearanceLegend =
-    R"(clearance: smallest distance of an arm from the obstacles and from itself in the whole run; negative: that deep inside.
-)";
-
 /** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
 std::string formatMrad(double rad) {
     if (std::isnan(rad)) return "-";
@@ -240,9 +236,9 @@ std::string formatRealVerdict(const CaseResult& r) {
     if (!r.holdsOnReal) return passed.empty() ? "" : "; the real arm passed limits: " + passed;
     return (passed.empty() ? "; the real arm kept its position and velocity limits"
                            : "; the real arm passed its limits: " + passed) +
-           (r.guarantees ? " (guaranteed as long as the disturbances are within their set; of its "
-                           "acceleration and jerk nothing is)"
-                         : " (of which the filter guarantees nothing)");
+           (r.guarantees.hasJoints() ? " (guaranteed as long as the disturbances are within their set; of its "
+                                       "acceleration and jerk nothing is)"
+                                     : " (of which the filter guarantees nothing)");
 }
 
 std::string formatShortcomings(const CaseResult& r) {
@@ -277,127 +273,27 @@ std::string formatCommandErrors(const CaseResult& r) {
     return text.empty() ? "" : "  command      " + text + "\n";
 }
 
-/** "link4 12.3 mm deep in table (at 1.234 s)", "nearest 3.4 mm (link4 to link1 at 2.000 s)", "nothing within 1 m". */
-std::string formatNearest(const CollisionRecord& r) {
-    if (r.leastClearance == -kInfinity) return "a pose that is NaN";
-    if (r.leastClearance == kInfinity) return format("nothing within %g m", kClearanceHorizon_m);
-    const std::string other = r.obstacle.empty() ? r.otherLink : r.obstacle;
-    if (r.ticksInCollision > 0)
-        return format("%s %s mm deep in %s (at %.3f s)", r.link.c_str(), formatPlain(1e3 * r.penetration()).c_str(),
-                      other.c_str(), r.leastClearance_s);
-    return format("nearest %s mm (%s to %s at %.3f s)", formatPlain(1e3 * r.leastClearance).c_str(), r.link.c_str(),
-                  other.c_str(), r.leastClearance_s);
+/** "the nominal arm collided: link4 ...". @param pattern  of the row, with the arm as %s */
+std::string tellBroken(const LimitRow& row, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
+    return format(pattern.c_str(), arm) + row.tellWorst(record);
 }
 
-/** Whether the arms touched anything, where there is an environment. */
-std::string formatCollisionVerdict(const Summary& s) {
-    if (!s.collisions()) return "";
+/** Whether the arms kept a limit of theirs as a whole. */
+std::string formatVerdict(const LimitAccount& account) {
+    const LimitRow& row = getLimitRow(account.kind);
     std::string text;
-    const auto add = [&](const char* arm, const CollisionRecord& r) {
-        if (r.ticksInCollision > 0) text += std::string("; the ") + arm + " arm collided: " + formatNearest(r);
-    };
-    add("nominal", s.collisions()->nominal);
-    if (s.collisions()->real) add("real", *s.collisions()->real);
-    return text.empty() ? "; no collision" : text;
+    if (account.nominal.brokenTicks > 0) text += "; " + tellBroken(row, row.verdict, "nominal", account.nominal);
+    if (account.real && account.real->brokenTicks > 0)
+        text += "; " + tellBroken(row, row.verdict, "real", *account.real);
+    if (text.empty()) text = "; " + row.kept;
+    return row.tellInVerdict ? text + row.tellInVerdict(account) : text;
 }
 
-std::string formatCollisions(const Summary& s) {
-    std::string text;
-    const auto add = [&](const char* label, const char* arm, const CollisionRecord& r) {
-        text +=
-            format("  %-13s %s: in collision in %lld ticks", label, arm, static_cast<long long>(r.ticksInCollision));
-        if (r.firstCollision_s) text += format(" (first at %.3f s)", *r.firstCollision_s);
-        text +=
-            ", " + formatNearest(r) +
-            format(", within the safety distance of %s mm in %lld ticks\n",
-                   formatPlain(1e3 * s.collisions()->safetyDistance_m).c_str(), static_cast<long long>(r.ticksTooNear));
-    };
-    add("clearance", "nominal", s.collisions()->nominal);
-    if (s.collisions()->real) add("", "real", *s.collisions()->real);
-    return text;
-}
-
-/** "link6 used 99.6 % of its limit at 1.234 s" */
-std::string formatFastest(const SpeedRecord& r) {
-    if (r.part.empty()) return r.largest > 0.0 ? "nothing moved where a limit counts" : "nothing moved";
-    return format("%s used %.1f %% of its limit at %.3f s", r.part.c_str(), 100.0 * r.use, r.use_s);
-}
-
-/** Whether the arms kept their speed limits, where there are any. */
-std::string formatSpeedVerdict(const Summary& s) {
-    if (!s.speeds()) return "";
-    std::string text;
-    const auto add = [&](const char* arm, const SpeedRecord& r) {
-        if (r.ticksTooFast > 0)
-            text += std::string("; points of the ") + arm + " arm were too fast: " + formatFastest(r);
-    };
-    add("nominal", s.speeds()->nominal);
-    if (s.speeds()->real) add("real", *s.speeds()->real);
-    return text.empty() ? "; speed limits kept" : text;
-}
-
-/** "link6 came to 0.312 m from ann at 1.234 s while it was too fast to touch" */
-std::string formatProtective(const SeparationRecord& r) {
-    if (r.part.empty()) return "nobody came near";
-    if (r.tooFastTicks > 0)
-        return format("%s touched %s while it was too fast (first at %.3f s)", r.part.c_str(), r.person.c_str(),
-                      r.firstTooFast_s.value_or(r.protective_s));
-    return format("%s came to %.3f m from %s at %.3f s while it was too fast to touch", r.part.c_str(), r.protective,
-                  r.person.c_str(), r.protective_s);
-}
-
-/** Whether somebody was touched too fast, where there are people. */
-std::string formatSeparationVerdict(const Summary& s) {
-    if (!s.separations()) return "";
-    std::string text;
-    const auto add = [&](const char* arm, const SeparationRecord& r) {
-        if (r.tooFastTicks > 0) text += std::string("; of the ") + arm + " arm " + formatProtective(r);
-    };
-    add("nominal", s.separations()->nominal);
-    if (s.separations()->real) add("real", *s.separations()->real);
-    if (text.empty()) text = "; nobody touched too fast";
-    const PeopleFaults& f = s.separations()->faults;
-    if (f.appeared + f.faster > 0)
-        text += format("; people appeared or were faster than stated in %lld observations",
-                       static_cast<long long>(f.appeared + f.faster));
-    return text;
-}
-
-std::string formatSeparations(const Summary& s) {
-    const Separations& people = *s.separations();
-    std::string text;
-    const auto add = [&](const char* label, const char* arm, const SeparationRecord& r) {
-        text += format("  %-13s %s: touched too fast in %lld ticks, touched in %lld", label, arm,
-                       static_cast<long long>(r.tooFastTicks), static_cast<long long>(r.touchedTicks));
-        if (r.touchedTicks > 0) text += format(" (at up to %.3g m/s)", r.fastestTouch);
-        text += "; " + formatProtective(r) + "\n";
-    };
-    add("people", "nominal", people.nominal);
-    if (people.real) add("", "real", *people.real);
-    for (const auto& [name, speed] : people.contactSpeeds)
-        text += format("                %s may be touched at up to %.3g m/s of the arm\n", name.c_str(), speed);
-    text += format("                at rest because of people for %.2f s", people.resting_s);
-    const PeopleFaults& f = people.faults;
-    if (f.appeared + f.faster + f.lost + f.refused > 0)
-        text += format("; people who appeared: %lld, faster than stated: %lld, lost: %lld, not usable: %lld",
-                       static_cast<long long>(f.appeared), static_cast<long long>(f.faster),
-                       static_cast<long long>(f.lost), static_cast<long long>(f.refused)) +
-                (people.lastFault.empty() ? "" : " (last of " + people.lastFault + ")");
-    return text + "\n";
-}
-
-std::string formatSpeeds(const Summary& s) {
-    std::string text;
-    const auto add = [&](const char* label, const char* arm, const SpeedRecord& r) {
-        text += format("  %-13s %s: up to %.4g m/s, ", label, arm, r.largest) + formatFastest(r) +
-                format(", above %.0f %% of it in %lld ticks, too fast in %lld", 100.0 * kAtSpeedLimit,
-                       static_cast<long long>(r.ticksAtLimit), static_cast<long long>(r.ticksTooFast));
-        if (r.firstTooFast_s) text += format(" (first at %.3f s)", *r.firstTooFast_s);
-        text += "\n";
-    };
-    add("point speeds", "nominal", s.speeds()->nominal);
-    if (s.speeds()->real) add("", "real", *s.speeds()->real);
-    return text;
+std::string formatAccount(const LimitAccount& account) {
+    const LimitRow& row = getLimitRow(account.kind);
+    std::string text = format("  %-13s nominal: ", row.label.c_str()) + row.tellArm(account, account.nominal) + "\n";
+    if (account.real) text += format("  %-13s real: ", "") + row.tellArm(account, *account.real) + "\n";
+    return row.tellMore ? text + row.tellMore(account) : text;
 }
 
 /** Of a table: cases may be of different arms. */
@@ -408,17 +304,29 @@ Sliding findSliding(const std::vector<CaseResult>& results) {
     return isSame ? first : Sliding::Some;
 }
 
-bool hasAnyEnvironment(const std::vector<CaseResult>& results) {
-    return std::any_of(results.begin(), results.end(),
-                       [](const CaseResult& r) { return r.summary.collisions().has_value(); });
+/** The kinds of limits of the whole arm that any case counted. */
+std::vector<LimitKind> listCounted(const std::vector<CaseResult>& results) {
+    std::vector<LimitKind> kinds = listArmLimits();
+    const auto isCounted = [&](LimitKind kind) {
+        return std::any_of(results.begin(), results.end(),
+                           [&](const CaseResult& r) { return r.summary.account(kind) != nullptr; });
+    };
+    kinds.erase(std::remove_if(kinds.begin(), kinds.end(), [&](LimitKind kind) { return !isCounted(kind); }),
+                kinds.end());
+    return kinds;
 }
 
-/** Millimetres for a table; "-" where there is nothing to tell. */
-std::string formatClearance(const CollisionRecord* r) {
+/** The worst of an arm for a table; "-" where there is nothing to tell. */
+std::string formatWorstOf(const LimitRow& row, const ArmLimitRecord* r) {
     if (!r) return "-";
-    if (r->leastClearance == -kInfinity) return "?";
-    if (r->leastClearance == kInfinity) return format("> %g", 1e3 * kClearanceHorizon_m);
-    return format("%.1f", 1e3 * r->leastClearance);
+    if (r->worst == -kInfinity) return "?";
+    if (r->worst == kInfinity) return format("> %g", row.headingScale * row.horizon);
+    return format("%.1f", row.headingScale * r->worst);
+}
+
+std::int64_t countBroken(const Summary& s, LimitKind kind) {
+    const LimitAccount* const account = s.account(kind);
+    return account ? account->nominal.brokenTicks : 0;
 }
 
 /** Below this a joint of the real arm has come to rest [rad/s, m/s]. */
@@ -527,19 +435,26 @@ std::string formatLive(const LiveTiming& live) {
 std::string formatComparison(const std::vector<CaseResult>& results) {
     const bool anyBound = std::any_of(results.begin(), results.end(),
                                       [](const CaseResult& r) { return r.summary.reference().bound.has_value(); });
-    const bool anyEnvironment = hasAnyEnvironment(results);
     const Sliding sliding = findSliding(results);
     const std::string column = anyBound ? format(" %8s", "of bound") : "";
-    const std::string clearance = anyEnvironment ? format(" %-19s |", "least clearance[mm]") : "";
-    const std::string clearanceArms = anyEnvironment ? format(" %9s %9s |", "nominal", "real") : "";
+    std::string headings, arms, legend;
+    std::vector<LimitKind> shown;  // limits of the whole arm with a column
+    for (const LimitKind kind : listCounted(results)) {
+        const LimitRow& row = getLimitRow(kind);
+        if (row.heading == "-") continue;
+        shown.push_back(kind);
+        headings += format(" %-19s |", row.heading.c_str());
+        arms += format(" %9s %9s |", "nominal", "real");
+        legend += row.headingLegend;
+    }
     const int width = static_cast<int>(19 + column.size());
     std::string text = format("%-16s | %-35s | %-27s | %-*s |%s %s\n", "", "worst use of the limit [%]",
-                              "ticks (outside: per joint)", width, "real - nominal", clearance.c_str(), "tick [us]");
-    text += format(
-        "%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case", "position", "velocity", "accel.",
-        "jerk", "outside", "infeasible", "changed", choose(sliding, "RMS[mrad]", "RMS[1e-3]", "RMS[mm]"),
-        choose(sliding, "max[mrad]", "max[1e-3]", "max[mm]"), column.c_str(), clearanceArms.c_str(), "median", "p99");
-    text += std::string(122 + column.size() + clearance.size(), '-') + "\n";
+                              "ticks (outside: per joint)", width, "real - nominal", headings.c_str(), "tick [us]");
+    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case", "position", "velocity",
+                   "accel.", "jerk", "outside", "infeasible", "changed",
+                   choose(sliding, "RMS[mrad]", "RMS[1e-3]", "RMS[mm]"),
+                   choose(sliding, "max[mrad]", "max[1e-3]", "max[mm]"), column.c_str(), arms.c_str(), "median", "p99");
+    text += std::string(122 + column.size() + headings.size(), '-') + "\n";
     for (const CaseResult& r : results) {
         const Summary& s = r.summary;
         const auto use = [&](LimitKind kind) {
@@ -549,11 +464,12 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
         std::string ofBound = anyBound ? format(" %8s", "-") : "";
         if (s.reference().bound)
             ofBound = format(" %6s %%", formatPercent(s.boundShare(LimitKind::Position, s.worstBoundJoint())).c_str());
-        std::string clearances;
-        if (anyEnvironment) {
-            const std::optional<Collisions>& c = s.collisions();
-            clearances = format(" %9s %9s |", formatClearance(c ? &c->nominal : nullptr).c_str(),
-                                formatClearance(c && c->real ? &*c->real : nullptr).c_str());
+        std::string worst;
+        for (const LimitKind kind : shown) {
+            const LimitRow& row = getLimitRow(kind);
+            const LimitAccount* const account = s.account(kind);
+            worst += format(" %9s %9s |", formatWorstOf(row, account ? &account->nominal : nullptr).c_str(),
+                            formatWorstOf(row, account && account->real ? &*account->real : nullptr).c_str());
         }
         text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s |%s %6.1f %6.1f\n", r.name.c_str(),
                        use(LimitKind::Position).c_str(), use(LimitKind::Velocity).c_str(),
@@ -561,12 +477,11 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                        static_cast<long long>(countOutside(s)),
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
                        s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
-                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(),
-                       clearances.c_str(), s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
+                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(), worst.c_str(),
+                       s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
         if (r.stopReason != StopReason::None) text.insert(text.size() - 1, format("  STOPPED at %.3f s", r.stopTime_s));
     }
-    return text + kLegend + (anyEnvironment ? kClearanceLegend : "") +
-           (sliding == Sliding::Some ? "1e-3: mrad, and mm of joints that slide.\n" : "");
+    return text + kLegend + legend + (sliding == Sliding::Some ? "1e-3: mrad, and mm of joints that slide.\n" : "");
 }
 
 /** Of joint commands [rad], or of tool commands [m]: a case has one of them, and cases of one kind are compared. */
@@ -606,18 +521,19 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     if (!model) return {};
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
-    const auto countCollisions = [](const CaseResult& r) {
-        return r.summary.collisions() ? r.summary.collisions()->nominal.ticksInCollision : 0;
-    };
-    const auto countTouches = [](const CaseResult& r) {
-        return r.summary.separations() ? r.summary.separations()->nominal.tooFastTicks : 0;
-    };
+    std::vector<LimitKind> ranking = listCounted(results);
+    ranking.erase(
+        std::remove_if(ranking.begin(), ranking.end(), [](LimitKind k) { return getLimitRow(k).ranked.empty(); }),
+        ranking.end());
+    std::reverse(ranking.begin(), ranking.end());
     // What stopped early comes last, whatever it kept until then; no number comes after every number.
     const auto rank = [&](const CaseResult& r) {
         const double error = getCommandError(r.summary);
-        return std::make_tuple(r.stopReason != StopReason::None, countTouches(r), countCollisions(r),
-                               countOutside(r.summary), r.summary.ticksWith(FilterStatus::Infeasible),
-                               std::isnan(error), std::isnan(error) ? 0.0 : error);
+        std::vector<std::int64_t> broken;
+        for (const LimitKind kind : ranking) broken.push_back(countBroken(r.summary, kind));
+        return std::make_tuple(r.stopReason != StopReason::None, broken, countOutside(r.summary),
+                               r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
+                               std::isnan(error) ? 0.0 : error);
     };
     const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
         const bool first = isEqual(*a, *model), second = isEqual(*b, *model);
@@ -632,7 +548,6 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                    choose(sliding, "rad/s^2", "SI", "m/s^2"), "ticks", choose(sliding, "rad/s^3", "SI", "m/s^3"),
                    "choice", "changed", choose(sliding, "[mrad]", "[1e-3]", "[mm]"), "[%]", "[us]");
     text += std::string(143, '-') + "\n";
-    const bool anyEnvironment = hasAnyEnvironment(results);
     int place = 0;
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;
@@ -644,21 +559,18 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
                    static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
                    formatCommandError(s).c_str(), formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
         std::string remarks;
-        if (const std::int64_t ticks = countTouches(*r); ticks > 0)
-            remarks += format(" (touches somebody too fast in %lld ticks)", static_cast<long long>(ticks));
-        if (const std::int64_t ticks = countCollisions(*r); ticks > 0)
-            remarks += format(" (in collision in %lld ticks)", static_cast<long long>(ticks));
+        for (const LimitKind kind : ranking)
+            if (const std::int64_t ticks = countBroken(s, kind); ticks > 0)
+                remarks += " (" + getLimitRow(kind).ranked + format(" in %lld ticks)", static_cast<long long>(ticks));
         if (r->stopReason != StopReason::None) remarks += format(" (stopped at %.3f s)", r->stopTime_s);
         if (!isRanked) remarks += " (other " + listDifferences(*r, *model) + ")";
         text.insert(text.size() - 1, remarks);
     }
     if (sliding == Sliding::Some)
         text += "SI: rad, rad/s, ..., and m, m/s, ... of joints that slide. 1e-3: mrad, and mm of joints that slide.\n";
-    const bool anyPeople = std::any_of(results.begin(), results.end(),
-                                       [](const CaseResult& r) { return r.summary.separations().has_value(); });
-    if (anyPeople) text += "First by ticks of the nominal arm that touch somebody too fast. ";
-    if (anyEnvironment)
-        text += anyPeople ? "Then by its ticks in collision. " : "First by ticks of the nominal arm in collision. ";
+    for (const LimitKind kind : ranking)
+        text += (kind == ranking.front() ? "First by ticks of the nominal arm " : "Then by its ticks ") +
+                getLimitRow(kind).rankedBy + ". ";
     return text +
            R"(Ranked by joint-ticks outside, then ticks without an admissible choice, then command error; cases that stopped early come last.
 -: differs in more than the filter, and has no place.
@@ -669,51 +581,49 @@ than 1 joint-second of that). filter: median time of a tick.
 )";
 }
 
+namespace {
+
+/** "the arm collided": of the first guarantee that was broken; empty: none was. */
+std::string nameBroken(const CaseResult& r) {
+    for (const LimitAccount& account : r.summary.accounts())
+        if (r.brokenGuarantees().has(account.kind)) return getLimitRow(account.kind).broken;
+    return "";
+}
+
+}  // namespace
+
 std::string formatVerdict(const CaseResult& r) {
     std::string text;
     if (r.stopReason == StopReason::GuaranteeBroken)
         text = "guarantee broken, the arm was stopped; ";
     else if (r.isRealGuaranteeBroken())
         text = "guarantee on the real arm broken; ";
-    else if (r.isClearanceGuaranteeBroken())
-        text = "guarantee broken, the arm collided; ";
-    else if (r.isSpeedGuaranteeBroken())
-        text = "guarantee broken, points of the arm were too fast; ";
-    else if (r.isSeparationGuaranteeBroken())
-        text = "guarantee broken, somebody was touched too fast; ";
+    else if (const std::string broken = nameBroken(r); !broken.empty())
+        text = "guarantee broken, " + broken + "; ";
     else if (r.stopReason == StopReason::TrackingLost)
         text = "tracking lost, the arm was stopped; ";
     else if (r.stopReason == StopReason::NotFollowing)
         text = "the real arm did not follow, and the nominal one was stopped; ";
     else if (r.stopReason != StopReason::None)
         text = "stopped early; ";
-    return text + formatVerdict(r.summary) + " (nominal arm; the filter guarantees " + (r.guarantees ? "all" : "none") +
-           (!r.summary.collisions() ? ""
-            : r.guaranteesClearance ? ", and clearances"
-                                    : ", no clearances") +
-           (!r.summary.speeds() ? ""
-            : r.guaranteesSpeed ? ", and speeds of points"
-                                : ", no speeds of points") +
-           (!r.summary.separations() ? ""
-            : r.guaranteesSeparation ? ", and separation from people"
-                                     : ", no separation from people") +
-           ")" + formatRealVerdict(r) + formatCollisionVerdict(r.summary) + formatSpeedVerdict(r.summary) +
-           formatSeparationVerdict(r.summary) + formatShortcomings(r);
+    text += formatVerdict(r.summary) + " (nominal arm; the filter guarantees " +
+            (r.guarantees.hasJoints() ? "all" : "none");
+    for (const LimitAccount& account : r.summary.accounts())
+        text += (r.guarantees.has(account.kind) ? ", and " : ", no ") + getLimitRow(account.kind).guarantee;
+    text += ")" + formatRealVerdict(r);
+    for (const LimitAccount& account : r.summary.accounts()) text += formatVerdict(account);
+    return text + formatShortcomings(r);
 }
 
 std::string formatBreach(const CaseResult& r) {
     std::string text;
     if (r.isRealGuaranteeBroken())
         text = "the real arm passed its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
-    if (r.isClearanceGuaranteeBroken())
-        text += (text.empty() ? "" : "; ") +
-                ("the nominal arm collided: " + formatNearest(r.summary.collisions()->nominal));
-    if (r.isSpeedGuaranteeBroken())
-        text += (text.empty() ? "" : "; ") +
-                ("points of the nominal arm were too fast: " + formatFastest(r.summary.speeds()->nominal));
-    if (r.isSeparationGuaranteeBroken())
-        text += (text.empty() ? "" : "; ") +
-                ("the nominal arm touched somebody too fast: " + formatProtective(r.summary.separations()->nominal));
+    for (const LimitAccount& account : r.summary.accounts()) {
+        if (!r.brokenGuarantees().has(account.kind)) continue;
+        const LimitRow& row = getLimitRow(account.kind);
+        addItem(text, tellBroken(row, row.breach, "nominal", account.nominal), "; ");
+    }
     return text;
 }
 
@@ -729,12 +639,14 @@ std::string formatDetails(const CaseResult& r) {
     text += "  verdict       " + formatVerdict(r) + "\n";
     for (LimitKind kind : kNominalKinds) text += formatLimit(s, kind);
     text += formatCommandErrors(r) + formatStatuses(s) + formatInterventions(s) + formatStops(s);
-    if (s.collisions())
-        text += formatCollisions(s);
-    else if (r.guaranteesClearance)
-        text += "  clearance     not judged: the judge takes longer than a tick of a live run may\n";
-    if (s.speeds()) text += formatSpeeds(s);
-    if (s.separations()) text += formatSeparations(s);
+    for (const LimitKind kind : listArmLimits()) {
+        const LimitRow& row = getLimitRow(kind);
+        if (const LimitAccount* account = s.account(kind))
+            text += formatAccount(*account);
+        else if (row.isSlow && r.guarantees.has(kind))
+            text +=
+                format("  %-13s not judged: the judge takes longer than a tick of a live run may\n", row.label.c_str());
+    }
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
                        static_cast<long long>(s.substitutedTicks()));

@@ -272,7 +272,7 @@ void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands
     for (std::size_t e = 0; e < elements_.size(); ++e) {
         result.seen[e] = found_[e].all.seen;
         result.proven[e] = found_[e].all.proven;
-        if (result.nearest.isKnown) result.nearest.distance = std::min(result.nearest.distance, result.proven[e]);
+        if (result.nearest.isKnown) result.nearest.margin = std::min(result.nearest.margin, result.proven[e]);
         if (isLooked_[e]) {
             result.profile[e] = {found_[e].parts, 0.0, path.duration(), 0.0};
             result.near[e] = {places_[e], motion_.calcTime(places_[e].sample)};
@@ -312,14 +312,21 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
     }
 }
 
-Clearance ArmStopCheck::getNearest(int e) const {
+LimitReport ArmStopCheck::getNearest(int e) const {
     const ArmElement& element = elements_[static_cast<std::size_t>(e)];
     const ElementDistance::Place& place = places_[static_cast<std::size_t>(e)];
     const auto getLink = [&](int capsule) {
         return capsule < 0 ? -1 : capsules_[static_cast<std::size_t>(capsule)].link;
     };
-    return {place.isSeen(),          place.distance, getLink(element.first), place.obstacle,
-            getLink(element.second), place.onFirst,  place.onSecond};
+    LimitReport report;
+    report.isKnown = place.isSeen();
+    report.margin = place.distance;
+    report.link = getLink(element.first);
+    report.other = place.obstacle;
+    report.otherLink = getLink(element.second);
+    report.onArm = place.onFirst;
+    report.onOther = place.onSecond;
+    return report;
 }
 
 /** The nearest first, should there be no room for all.

@@ -86,7 +86,7 @@ public:
         std::vector<Profile> profile;
         std::vector<Near> near;
         /** Only of a path that is good: where it was seen nearest; the distance is a lower bound for all of the path. */
-        Clearance nearest;
+        LimitReport nearest;
     };
     /** A path that was examined in the same surroundings, and what came of it. */
     struct Known {
@@ -109,7 +109,7 @@ public:
                  const KnownPaths& known, bool mustBeGood, Result& result);
     Result makeResult() const;
     /** Where element e was nearest in the last examine(). */
-    Clearance getNearest(int e) const;
+    LimitReport getNearest(int e) const;
 
     /** Rows for the jerk u of the tick that belong to what the last examine() found, to first order: clearances below
     `ahead`, nearest first, torques beyond their limits along the stop,

@@ -105,7 +105,8 @@ bool SpeedCheck::look(double time_s, bool isBegin, Look& look) {
 bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
     const double h = to.time_s - from.time_s;
     double most = -1.0;
-    ArmSpeed fastest;
+    LimitReport fastest;
+    fastest.isKnown = true;
     for (std::size_t k = 0; k < parts_.size(); ++k) {
         const Part& part = parts_[k];
         const double bound = std::max(from.speeds[k], to.speeds[k]) + h * h / 8.0 * part.bendRate;
@@ -113,13 +114,15 @@ bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
         const double limit =
             std::min(findLimit(part, from.segments[k], margin), findLimit(part, to.segments[k], margin));
         const double use = bound / limit;
-        if (use < most || (use == most && bound <= fastest.speed)) continue;
+        if (use < most || (use == most && bound <= fastest.value)) continue;
         most = use;
-        fastest = {true, bound, limit, part.link};
+        fastest.value = bound;
+        fastest.limit = limit;
+        fastest.link = part.link;
     }
     const auto settle = [&] {
         const bool isFirst = !result_->fastest.isKnown;
-        if (isFirst || most > result_->proven || (most == result_->proven && fastest.speed > result_->fastest.speed)) {
+        if (isFirst || most > result_->proven || (most == result_->proven && fastest.value > result_->fastest.value)) {
             result_->proven = most;
             result_->fastest = fastest;
         }

@@ -51,7 +51,7 @@ public:
         double seen = 0.0;       ///< largest share at looks, the begin included
         double seenLater = 0.0;  ///< without it: what a jerk may change
         double proven = 0.0;     ///< no share is larger at any time
-        ArmSpeed fastest;        ///< that share; of equal ones the faster point
+        LimitReport fastest;     ///< that share; of equal ones the faster point
     };
     /** @param extremes    of the path
         @param mustBeGood  the first look that is too fast ends it */

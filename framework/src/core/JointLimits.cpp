@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <mutex>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
@@ -136,21 +138,69 @@ void checkPosition(const LimitCheck& check, int joint, LimitSide side, double va
 
 }  // namespace
 
+namespace {
+
+struct KindNames {
+    std::string lower, neither, upper, unit, slidingUnit;
+};
+
+/** Never moves and is never destroyed: names are told until the last log is finished. */
+struct KindTable {
+    KindTable() {
+        rows[0] = {"none", "none", "none", "", ""};
+        add("position", "rad", "m");
+        add("velocity", "rad/s", "m/s");
+        add("acceleration", "rad/s^2", "m/s^2");
+        add("jerk", "rad/s^3", "m/s^3");
+        add("torque", "Nm", "N");
+        add("clearance", "m", "m");
+        add("speed", "m/s", "m/s");
+        add("separation", "m", "m");
+    }
+    LimitKind add(const std::string& name, const std::string& unit, const std::string& slidingUnit) {
+        const int kind = count.load();
+        rows[static_cast<std::size_t>(kind)] = {name + "_lower", name, name + "_upper", unit, slidingUnit};
+        count = kind + 1;
+        return static_cast<LimitKind>(kind);
+    }
+
+    std::array<KindNames, kMostLimitKinds> rows;
+    std::atomic<int> count{1};
+    std::mutex adding;
+};
+
+KindTable& getKinds() {
+    static KindTable& kinds = *new KindTable;
+    return kinds;
+}
+
+}  // namespace
+
+LimitKind addLimitKind(const std::string& name, const std::string& unit) {
+    KindTable& kinds = getKinds();
+    const std::lock_guard<std::mutex> guard(kinds.adding);
+    for (int k = 0; k < kinds.count; ++k)
+        if (kinds.rows[static_cast<std::size_t>(k)].neither == name) return static_cast<LimitKind>(k);
+    const bool isWord = !name.empty() && name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == name.npos;
+    if (!isWord)
+        throw badInput("kind of limit '" + name + "'", "its name is no word of small letters, digits and _",
+                       "Choose a word such as `upright`: log channels are named after it.");
+    if (kinds.count == kMostLimitKinds)
+        throw badInput("kind of limit '" + name + "'",
+                       "there is no room for it beside " + std::to_string(kMostLimitKinds - 1) + " others",
+                       "Leave out a plugin that adds a kind of limit.");
+    return kinds.add(name, unit, unit);
+}
+
+int countLimitKinds() noexcept {
+    return getKinds().count;
+}
+
 const char* getName(LimitKind kind, LimitSide side) {
-    static const char* const names[kLimitKinds][3] = {
-        {"none", "none", "none"},
-        {"position_lower", "position", "position_upper"},
-        {"velocity_lower", "velocity", "velocity_upper"},
-        {"acceleration_lower", "acceleration", "acceleration_upper"},
-        {"jerk_lower", "jerk", "jerk_upper"},
-        {"torque_lower", "torque", "torque_upper"},
-        {"clearance_lower", "clearance", "clearance_upper"},
-        {"speed_lower", "speed", "speed_upper"},
-        {"separation_lower", "separation", "separation_upper"},
-    };
-    const int row = static_cast<int>(kind);
-    const int column = static_cast<int>(side) + 1;
-    return row < kLimitKinds && column >= 0 && column < 3 ? names[row][column] : "unknown";
+    const auto row = static_cast<std::size_t>(kind);
+    if (static_cast<int>(kind) >= countLimitKinds()) return "unknown";
+    const KindNames& names = getKinds().rows[row];
+    return (side == LimitSide::Lower ? names.lower : side == LimitSide::Upper ? names.upper : names.neither).c_str();
 }
 
 const char* getName(LimitSide side) {
@@ -158,10 +208,8 @@ const char* getName(LimitSide side) {
 }
 
 const char* getUnit(LimitKind kind, bool slides) {
-    static const char* const units[][2] = {
-        {"", ""},   {"rad", "m"},   {"rad/s", "m/s"}, {"rad/s^2", "m/s^2"}, {"rad/s^3", "m/s^3"}, {"Nm", "N"},
-        {"m", "m"}, {"m/s", "m/s"}, {"m", "m"}};
-    return units[static_cast<int>(kind)][slides];
+    const KindNames& names = getKinds().rows[static_cast<std::size_t>(kind)];
+    return (slides ? names.slidingUnit : names.unit).c_str();
 }
 
 AxisLimits JointLimits::axis(int joint) const {

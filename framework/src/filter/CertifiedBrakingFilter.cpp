@@ -25,8 +25,8 @@ void CertifiedBrakingFilter::reset(const MotionState& start) {
     impl_->joints.reset(start);
 }
 
-bool CertifiedBrakingFilter::recovers() const {
-    return impl_->joints.recovers();
+FilterTraits CertifiedBrakingFilter::traits() const {
+    return {LimitSet::joints(), impl_->joints.recovers()};
 }
 
 bool CertifiedBrakingFilter::changeLimits(const JointLimits& limits) {

@@ -3,7 +3,7 @@
 namespace viable {
 
 void FilterChain::add(PluginPtr<SafetyFilter> filter, PluginWatch* watch) {
-    if (filter->guaranteesLimits()) guaranteeing_ = static_cast<int>(links_.size());
+    if (filter->traits().guarantees.hasJoints()) guaranteeing_ = static_cast<int>(links_.size());
     links_.push_back({std::move(filter), watch});
 }
 
@@ -30,22 +30,14 @@ void FilterChain::reset(const MotionState& start) {
     tick_ = 0;
 }
 
-bool FilterChain::guaranteesClearance() const {
-    // What comes behind may change a decision within the limits, and nobody looks again what that may hit.
-    return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesClearance();
-}
-
-bool FilterChain::guaranteesSpeed() const {
-    return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesSpeed();
-}
-
-bool FilterChain::guaranteesSeparation() const {
-    return guaranteeing_ + 1 == static_cast<int>(links_.size()) && links_.back().filter->guaranteesSeparation();
-}
-
-bool FilterChain::recovers() const {
-    const std::size_t held = guaranteeing_ >= 0 ? static_cast<std::size_t>(guaranteeing_) : links_.size() - 1;
-    return links_[held].filter->recovers();
+FilterTraits FilterChain::traits() const {
+    const bool isLast = guaranteeing_ + 1 == static_cast<int>(links_.size());
+    FilterTraits traits =
+        links_[guaranteeing_ < 0 ? links_.size() - 1 : static_cast<std::size_t>(guaranteeing_)].filter->traits();
+    if (guaranteeing_ < 0) traits.guarantees = {};
+    // What comes behind may change a decision within the limits of the joints, and nobody looks again at all others.
+    if (!isLast) traits.guarantees = traits.guarantees & LimitSet::joints();
+    return traits;
 }
 
 bool FilterChain::changeLimits(const JointLimits& limits) {
@@ -71,12 +63,8 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
     FilterStatus status = FilterStatus::Passed;
     std::size_t standing = 0;
     for (std::size_t i = 0; i < links_.size(); ++i) {
-        candidate_.hasStops = false;
+        candidate_.clearReports();
         candidate_.joints.fill({});
-        candidate_.clearance = {};
-        candidate_.mapAge_s = 0.0;
-        candidate_.speed = {};
-        candidate_.separation = {};
         const FilterInput own{input.nominal, desired_, input.dynamics, rate};
         const FilterStatus answer = callLink(i, [&](SafetyFilter& filter) { return filter.filter(own, candidate_); });
         if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return answer;
@@ -90,13 +78,9 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         const bool passed = answer == FilterStatus::Passed;
         if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
         if (passed && i > 0) {
-            candidate_.joints = decision.joints;  // what held the joints back is what did before
-            if (!candidate_.clearance.isKnown) {  // and so is what was seen of the same motion
-                candidate_.clearance = decision.clearance;
-                candidate_.mapAge_s = decision.mapAge_s;
-            }
-            if (!candidate_.speed.isKnown) candidate_.speed = decision.speed;
-            if (!candidate_.separation.isKnown) candidate_.separation = decision.separation;
+            candidate_.joints = decision.joints;            // what held the joints back is what did before
+            candidate_.reports.complete(decision.reports);  // and so is what was seen of the same motion
+            if (candidate_.peopleFaults.last < 0) candidate_.peopleFaults = decision.peopleFaults;
         }
         if (!passed)
             status = answer;

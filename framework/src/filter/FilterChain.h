@@ -33,12 +33,8 @@ public:
 
     void configure(const RunSetup&, const Parameters&) override {}  // its filters are, before add()
     void reset(const MotionState& start) override;
-    bool guaranteesLimits() const override { return guaranteeing_ >= 0; }
     /** Of the filter that guarantees, or of the last. */
-    bool guaranteesClearance() const override;
-    bool guaranteesSpeed() const override;
-    bool guaranteesSeparation() const override;
-    bool recovers() const override;
+    FilterTraits traits() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;

@@ -129,20 +129,10 @@ void WholeArmBrakingFilter::reset(const MotionState& start) {
     impl_->joints.reset(start);
 }
 
-bool WholeArmBrakingFilter::guaranteesClearance() const {
-    return impl_->arm && impl_->arm->hasSurroundings() && !recovers();
-}
-
-bool WholeArmBrakingFilter::guaranteesSpeed() const {
-    return impl_->arm && impl_->arm->keepsSpeeds() && !recovers();
-}
-
-bool WholeArmBrakingFilter::guaranteesSeparation() const {
-    return impl_->arm && impl_->arm->keepsApart() && !recovers();
-}
-
-bool WholeArmBrakingFilter::recovers() const {
-    return impl_->joints.recovers();
+FilterTraits WholeArmBrakingFilter::traits() const {
+    FilterTraits traits{LimitSet::joints(), impl_->joints.recovers()};
+    if (impl_->arm && !traits.recovers) traits.guarantees = traits.guarantees | impl_->arm->guarantees();
+    return traits;
 }
 
 bool WholeArmBrakingFilter::changeLimits(const JointLimits& limits) {
@@ -161,10 +151,7 @@ FilterStatus WholeArmBrakingFilter::filter(const FilterInput& input, FilterDecis
     const FilterStatus status = arm.choose(input.nominal, input.dynamics, law.findMetric(input.dynamics), law.desired(),
                                            impl_->jerk, decision.joints);
     law.decide(impl_->jerk, decision);
-    decision.clearance = arm.nearest();
-    decision.mapAge_s = arm.mapAge_s();
-    decision.speed = arm.fastest();
-    decision.separation = arm.separation();
+    arm.report(decision);
     arm.endTick(input, decision);
     return status;
 }

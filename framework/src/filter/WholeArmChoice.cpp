@@ -11,6 +11,7 @@
 #include "core/Text.h"
 #include "environment/CollisionJudge.h"
 #include "viable/core/Error.h"
+#include "viable/limits/ArmLimit.h"
 
 namespace viable::detail {
 
@@ -48,6 +49,7 @@ WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptio
       best_(check_.makeResult()),
       trial_(check_.makeResult()),
       other_(check_.makeResult()),
+      ofPeople_(reports_[LimitKind::Separation]),
       limited_(limited) {}
 
 WholeArmChoice::~WholeArmChoice() {
@@ -59,14 +61,14 @@ void WholeArmChoice::reset(const MotionState& start) {
     tick_ = 0;
     takeSurroundings();
     watch_.reset();
-    separation_ = {};
+    ofPeople_ = {};
     takePeople();
     check_.beginTick();
     braking_.beginTick(start);
     setStoredPath(start);
     check_.calcTorque(storedPath_, 0, lastTorque_);
     examineStored(start);
-    if (people_) tellSeparation(stored_.people);
+    if (people_) tellPeople(stored_.people);
 }
 
 void WholeArmChoice::skipTicks(std::int64_t ticks) {
@@ -99,17 +101,35 @@ bool WholeArmChoice::takePeople() {
     if (!people_) return true;
     const bool areExpected = watch_.take(people_->take(), time());
     check_.setPeople(watch_, time());
-    separation_.age_s = watch_.age_s(time());
-    separation_.faults = watch_.faults();
+    ofPeople_.age_s = watch_.age_s(time());
     return areExpected;
 }
 
-void WholeArmChoice::tellSeparation(const PeopleCheck::Result& found) {
-    separation_.isKnown = true;
-    separation_.isKept = found.isKept;
-    separation_.margin = found.proven;
-    separation_.link = found.link;
-    separation_.person = found.person;
+void WholeArmChoice::tellPeople(const PeopleCheck::Result& found) {
+    ofPeople_.isKnown = true;
+    ofPeople_.isKept = found.isKept;
+    ofPeople_.margin = found.proven;
+    ofPeople_.link = found.link;
+    ofPeople_.other = found.person;
+}
+
+void WholeArmChoice::tellStored() {
+    reports_[LimitKind::Clearance] = stored_.nearest;
+    reports_[LimitKind::Speed] = stored_.speed.fastest;
+}
+
+LimitSet WholeArmChoice::guarantees() const {
+    LimitSet kept;
+    kept.set(LimitKind::Clearance, feed_ != nullptr);
+    kept.set(LimitKind::Speed, check_.keepsSpeeds());
+    kept.set(LimitKind::Separation, people_ != nullptr);
+    return kept;
+}
+
+void WholeArmChoice::report(FilterDecision& decision) const {
+    decision.reports = reports_;
+    decision.reports[LimitKind::Clearance].age_s = feed_ ? time() - view_.stamp_s : 0.0;
+    decision.peopleFaults = watch_.faults();
 }
 
 void WholeArmChoice::findStops(const JointVector& jerk) {
@@ -128,8 +148,7 @@ void WholeArmChoice::setStoredPath(const MotionState& state) {
 void WholeArmChoice::examineStored(const MotionState& state) {
     setStoredPath(state);
     check_.examine(storedPath_, time(), demands_.measure(), lastTorque_, {}, false, stored_);
-    nearest_ = stored_.nearest;
-    fastest_ = stored_.speed.fastest;
+    tellStored();
     keptPath_ = storedPath_;
     ticksOnPath_ = 0;
     demands_.begin(stored_);
@@ -175,14 +194,14 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         PeopleCheck::Result found;
         setStoredPath(nominal);
         check_.measurePeople(storedPath_, found);
-        tellSeparation(found);
+        tellPeople(found);
     }
     demands_.raise(stored_);
     hasBest_ = hasOther_ = false;
 
     const FilterStatus status = braking_.propose(metric, desired, nullptr, proposed_);
     const bool isBlind = people_ && watch_.isBlind();
-    if (isBlind) separation_.isKept = false;
+    if (isBlind) ofPeople_.isKept = false;
     LimitKind reason = isBlind ? LimitKind::Separation : isStale() ? LimitKind::Clearance : LimitKind::None;
     if (!isBlind && !isStale()) {
         const bool steers = options_.steers && metric;
@@ -223,9 +242,8 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     if (takesBest) {
         jerk = bestJerk_;
         std::swap(stored_, best_);
-        nearest_ = stored_.nearest;
-        fastest_ = stored_.speed.fastest;
-        if (people_) tellSeparation(stored_.people);
+        tellStored();
+        if (people_) tellPeople(stored_.people);
         demands_.lowerTorqueUse(stored_.torque.torqueUse);
         keptPath_.set(nominal, jerk, bestStops_, tick_s_);
         ticksOnPath_ = 0;
@@ -236,8 +254,8 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
         const auto at = static_cast<Eigen::Index>(i);
         if (jerk[at] == proposed_[at] || jerk[at] == desired[at] || reason == LimitKind::None) continue;
-        const bool isUpper = reason == LimitKind::Speed || reason == LimitKind::Separation ||
-                             (reason == LimitKind::Torque && jerk[at] < proposed_[at]);
+        const bool isUpper =
+            reason == LimitKind::Torque ? jerk[at] < proposed_[at] : getLimitRow(reason).side == LimitSide::Upper;
         joints[i] = {reason, isUpper ? LimitSide::Upper : LimitSide::Lower};
     }
     if (!takesBest) return FilterStatus::StoppedByPlan;
@@ -322,14 +340,14 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
 
 /** Who is near an element, and to what. */
 std::pair<std::string, std::string> WholeArmChoice::nameNearest(int element, const ArmGeometry& geometry) const {
-    const Clearance near = check_.getNearest(element);
+    const LimitReport near = check_.getNearest(element);
     const auto getLink = [&](int link) { return geometry.links[static_cast<std::size_t>(link)]; };
     if (near.otherLink >= 0) return {getLink(near.link), getLink(near.otherLink)};
-    if (near.obstacle < 0) return {getLink(near.link), "what is around"};
+    if (near.other < 0) return {getLink(near.link), "what is around"};
     const Environment& around = view_.surroundings->environment();
-    const int sphere = near.obstacle - static_cast<int>(around.solids.size());
+    const int sphere = near.other - static_cast<int>(around.solids.size());
     const bool moves = sphere >= 0 && sphere < static_cast<int>(around.spheres.size());
-    return {getLink(near.link), view_.surroundings->name(near.obstacle) +
+    return {getLink(near.link), view_.surroundings->name(near.other) +
                                     (moves ? " (a moving sphere counts with all that is left of its path)" : "")};
 }
 
@@ -400,15 +418,15 @@ void WholeArmChoice::checkStart(const RunSetup& setup, const std::string& place)
         throw badInput(place,
                        "the start, or the stop from there, brings " +
                            (link < 0 ? std::string("the tool") : limited_->links[static_cast<std::size_t>(link)]) +
-                           " to " + formatShort(speed.fastest.speed) + " m/s (an upper bound); its limit there is " +
+                           " to " + formatShort(speed.fastest.value) + " m/s (an upper bound); its limit there is " +
                            formatNumber(speed.fastest.limit) + " m/s",
                        std::string("Start slower, or change `speed_limits`, ") + kWay);
     }
-    if (people_ && !separation_.isKept) {
-        const auto person = static_cast<std::size_t>(std::max(0, separation_.person));
+    if (people_ && !ofPeople_.isKept) {
+        const auto person = static_cast<std::size_t>(std::max(0, ofPeople_.other));
         throw badInput(place,
                        "the start, or the stop from there, may bring " +
-                           limited_->links[static_cast<std::size_t>(std::max(0, separation_.link))] + " to " +
+                           limited_->links[static_cast<std::size_t>(std::max(0, ofPeople_.link))] + " to " +
                            people_->people()[person].name + " while it is faster than the person may be touched at",
                        std::string("Start slower, or farther from people, ") + kWay);
     }

@@ -43,13 +43,10 @@ public:
     /** After choose(). @param decision  to hold its jerk */
     void endTick(const FilterInput& input, const FilterDecision& decision);
 
-    const Clearance& nearest() const { return nearest_; }  ///< along the stop that was chosen
-    double mapAge_s() const { return feed_ ? time() - view_.stamp_s : 0.0; }
-    bool hasSurroundings() const { return feed_ != nullptr; }
-    bool keepsSpeeds() const { return check_.keepsSpeeds(); }
-    const ArmSpeed& fastest() const { return fastest_; }  ///< the same
-    bool keepsApart() const { return people_ != nullptr; }
-    const Separation& separation() const { return separation_; }
+    /** Of the limits of the whole arm. */
+    LimitSet guarantees() const;
+    /** What the stop that was chosen keeps. */
+    void report(FilterDecision& decision) const;
 
     /** Throws Error (BadInput) where the stop from the start, just reset to, comes too near to something (all of it in one
     list) or needs more torque than there is (with joint, share and pose). */
@@ -62,7 +59,8 @@ private:
     bool isStale() const { return feed_ && !(time() - view_.stamp_s <= options_.maxAge_s); }
     void takeSurroundings();
     bool takePeople();
-    void tellSeparation(const PeopleCheck::Result& found);
+    void tellPeople(const PeopleCheck::Result& found);
+    void tellStored();
     void findStops(const JointVector& jerk);
     void setStoredPath(const MotionState& state);
     void examineStored(const MotionState& state);
@@ -105,9 +103,8 @@ private:
     RowQp::Rows rows_;
     JointVector lastTorque_, storedJerk_, proposed_, steered_, bestJerk_;
     bool hasBest_ = false;
-    Clearance nearest_;
-    ArmSpeed fastest_;
-    Separation separation_;
+    LimitReports reports_;
+    LimitReport& ofPeople_;  ///< of them
     const ArmGeometry* const limited_;
 };
 

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <tuple>
 
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
@@ -77,15 +78,8 @@ struct Mailbox {
     FilterDecision decision;
 
     // What a plugin is asked once, after it was configured
-    MotionCommand::Space space = MotionCommand::Space::Joint;
-    bool followsJoint = false, followsTool = false;
-    bool guarantees = false, guaranteesClearance = false, guaranteesSpeed = false, guaranteesSeparation = false,
-         recovers = false;
-    LinearErrorLoop errorLoop;
-    bool hasErrorLoop = false, hasExternalTorque = false, hasClock = false;
-    Encoder encoder = Encoder::Counts;
-    int delayTicks = 0;
-    JointVector motorRate;
+    std::tuple<CommandTraits, ControllerTraits, FilterTraits, RobustTraits, PlantTraits> traits;
+    bool hasExternalTorque = false;
 };
 
 /** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
@@ -106,6 +100,23 @@ bool isSound(const LinearErrorLoop& l) {
     return isSound(l.kr) && isSound(l.kp) && isSound(l.ki) && isSound(l.integralLimit) && isSound(l.torqueRate) &&
            isSound(l.motorRate) && isSound(l.friction.figures.coulomb) && isSound(l.friction.figures.viscous) &&
            isSound(l.friction.figures.viscousVelocity) && isSound(l.friction.speed);
+}
+
+/** Of what another process wrote. */
+template <class Traits>
+Traits copySound(const Traits& traits) {
+    return traits;
+}
+/** Where it is nonsense, a law of no size, which is refused. */
+RobustTraits copySound(const RobustTraits& traits) {
+    if (!traits.errorLoop || isSound(*traits.errorLoop)) return traits;
+    return {LinearErrorLoop{}};
+}
+/** Where it is nonsense, a rate of no arm, which is refused. */
+PlantTraits copySound(const PlantTraits& traits) {
+    const bool isNonsense = !isSound(traits.motorRate);
+    return {traits.encoder, traits.delayTicks,
+            isNonsense ? JointVector(JointVector::Constant(1, kNan)) : traits.motorRate, traits.hasClock};
 }
 
 timespec calcDeadline(long nanoseconds) {
@@ -254,11 +265,8 @@ void answer(Mailbox& box, const Work& work) {
     }
 }
 
-// What a plugin is asked once, and its calls, per kind.
+// A plugin's calls, per kind.
 
-void describe(CommandSource& plugin, Mailbox& box) {
-    box.space = plugin.space();
-}
 void serve(CommandSource& plugin, Mailbox& box) {
     if (box.what == Request::Sample) {
         box.status = static_cast<int>(plugin.sample(box.time, box.command));
@@ -269,28 +277,13 @@ void serve(CommandSource& plugin, Mailbox& box) {
     }
 }
 
-void describe(NominalController& plugin, Mailbox& box) {
-    box.followsJoint = plugin.follows(MotionCommand::Space::Joint);
-    box.followsTool = plugin.follows(MotionCommand::Space::Tool);
-}
 void serve(NominalController& plugin, Mailbox& box) {
     box.status = static_cast<int>(plugin.compute({box.command, box.nominal, box.dynamics, box.tick}, box.wanted));
 }
 
-void describe(SafetyFilter& plugin, Mailbox& box) {
-    box.guarantees = plugin.guaranteesLimits();
-    box.guaranteesClearance = plugin.guaranteesClearance();
-    box.guaranteesSpeed = plugin.guaranteesSpeed();
-    box.guaranteesSeparation = plugin.guaranteesSeparation();
-    box.recovers = plugin.recovers();
-}
 void serve(SafetyFilter& plugin, Mailbox& box) {
     if (box.what == Request::Filter) {
-        box.decision.hasStops = false;
-        box.decision.clearance = {};
-        box.decision.speed = {};
-        box.decision.separation = {};
-        box.decision.mapAge_s = 0.0;
+        box.decision.clearReports();
         box.status = static_cast<int>(plugin.filter(
             {box.nominal, box.torque, box.dynamics, box.hasAccelerationRate ? &box.accelerationRate : nullptr},
             box.decision));
@@ -301,11 +294,6 @@ void serve(SafetyFilter& plugin, Mailbox& box) {
     }
 }
 
-void describe(RobustLoop& plugin, Mailbox& box) {
-    const LinearErrorLoop* loop = plugin.errorLoop();
-    box.hasErrorLoop = loop != nullptr;
-    if (loop) box.errorLoop = *loop;
-}
 void serve(RobustLoop& plugin, Mailbox& box) {
     if (box.what == Request::HoldIntegral)
         plugin.holdIntegral();
@@ -313,13 +301,6 @@ void serve(RobustLoop& plugin, Mailbox& box) {
         box.status = static_cast<int>(plugin.compute(box.real, box.nominal, box.torque, box.torqueOut));
 }
 
-void describe(RealPlant& plugin, Mailbox& box) {
-    box.hasExternalTorque = plugin.externalTorque() != nullptr;
-    box.hasClock = plugin.hasClock();
-    box.encoder = plugin.encoder();
-    box.delayTicks = plugin.delayTicks();
-    box.motorRate = plugin.motorRate();
-}
 void serve(RealPlant& plugin, Mailbox& box) {
     if (box.what == Request::Advance) {
         box.status = static_cast<int>(plugin.advance(box.torque, box.torqueOut));
@@ -343,7 +324,9 @@ public:
     Isolated(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch, double watchdog_s)
         : process_(watch, watchdog_s) {
         process_.start([&make, &watch](Mailbox& box) { run(make, watch, box); });
+        traits_ = copySound(std::get<typename Interface::Traits>(box().traits));
     }
+    typename Interface::Traits traits() const override { return traits_; }
     void configure(const RunSetup&, const Parameters&) override {}  // `make` did
     void reset(const MotionState& start) override {
         box().nominal = start;
@@ -368,7 +351,9 @@ private:
             plugin = make();
             std::snprintf(box.sharedChange, sizeof box.sharedChange, "%s", watch.sharedChange.c_str());
             const PluginCall asking(&watch, kAsking);
-            describe(*plugin, box);
+            std::get<typename Interface::Traits>(box.traits) = plugin->traits();
+            if constexpr (std::is_same_v<Interface, RealPlant>)
+                box.hasExternalTorque = plugin->externalTorque() != nullptr;
         });
         for (;;) {
             sem_post(&box.reply);
@@ -388,12 +373,12 @@ private:
     }
 
     PluginProcess process_;
+    typename Interface::Traits traits_;
 };
 
 class IsolatedCommandSource : public Isolated<CommandSource> {
 public:
     using Isolated::Isolated;
-    MotionCommand::Space space() const override { return const_cast<IsolatedCommandSource*>(this)->box().space; }
     TickStatus sample(double t, MotionCommand& out) override {
         box().time = t;
         call(Request::Sample);
@@ -420,11 +405,7 @@ private:
 
 class IsolatedController : public Isolated<NominalController> {
 public:
-    IsolatedController(const std::function<PluginPtr<NominalController>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s), followsJoint_(box().followsJoint), followsTool_(box().followsTool) {}
-    bool follows(MotionCommand::Space space) const override {
-        return space == MotionCommand::Space::Joint ? followsJoint_ : followsTool_;
-    }
+    using Isolated::Isolated;
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         box().command = input.command;
         box().nominal = input.nominal;
@@ -437,25 +418,11 @@ public:
         output = wanted;
         return tickStatus();
     }
-
-private:
-    bool followsJoint_, followsTool_;
 };
 
 class IsolatedFilter : public Isolated<SafetyFilter> {
 public:
-    IsolatedFilter(const std::function<PluginPtr<SafetyFilter>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s),
-          guarantees_(box().guarantees),
-          guaranteesClearance_(box().guaranteesClearance),
-          guaranteesSpeed_(box().guaranteesSpeed),
-          guaranteesSeparation_(box().guaranteesSeparation),
-          recovers_(box().recovers) {}
-    bool guaranteesLimits() const override { return guarantees_; }
-    bool guaranteesClearance() const override { return guaranteesClearance_; }
-    bool guaranteesSpeed() const override { return guaranteesSpeed_; }
-    bool guaranteesSeparation() const override { return guaranteesSeparation_; }
-    bool recovers() const override { return recovers_; }
+    using Isolated::Isolated;
     bool changeLimits(const JointLimits& limits) override {
         box().limits = limits;
         call(Request::ChangeLimits);
@@ -478,17 +445,11 @@ public:
         decision = made;
         return static_cast<FilterStatus>(box().status);
     }
-
-private:
-    bool guarantees_, guaranteesClearance_, guaranteesSpeed_, guaranteesSeparation_, recovers_;
 };
 
 class IsolatedRobustLoop : public Isolated<RobustLoop> {
 public:
-    IsolatedRobustLoop(const std::function<PluginPtr<RobustLoop>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s), hasErrorLoop_(box().hasErrorLoop) {
-        if (hasErrorLoop_ && isSound(box().errorLoop)) errorLoop_ = box().errorLoop;
-    }
+    using Isolated::Isolated;
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                        JointVector& torque) override {
         box().real = real;
@@ -500,28 +461,12 @@ public:
         return tickStatus();
     }
     void holdIntegral() override { call(Request::HoldIntegral); }
-    const LinearErrorLoop* errorLoop() const override { return hasErrorLoop_ ? &errorLoop_ : nullptr; }
-
-private:
-    bool hasErrorLoop_;
-    LinearErrorLoop errorLoop_;  // of no size where the other process wrote nonsense, and refused for it
 };
 
 class IsolatedPlant : public Isolated<RealPlant> {
 public:
     IsolatedPlant(const std::function<PluginPtr<RealPlant>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s),
-          hasExternalTorque_(box().hasExternalTorque),
-          hasClock_(box().hasClock),
-          encoder_(box().encoder),
-          delayTicks_(box().delayTicks) {
-        // Where the other process wrote nonsense, no rate of any arm: it is refused.
-        motorRate_ = isSound(box().motorRate) ? box().motorRate : JointVector(JointVector::Constant(1, kNan));
-    }
-    Encoder encoder() const override { return encoder_; }
-    int delayTicks() const override { return delayTicks_; }
-    JointVector motorRate() const override { return motorRate_; }
-    bool hasClock() const override { return hasClock_; }
+        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque) {}
     TickStatus read(std::int64_t& ticksPassed) override {
         call(Request::AwaitPlant);
         ticksPassed = box().ticks;
@@ -562,10 +507,7 @@ private:
     }
     JointState measured_, actual_;
     JointVector external_;
-    bool hasExternalTorque_, hasClock_;
-    Encoder encoder_;
-    int delayTicks_;
-    JointVector motorRate_;
+    bool hasExternalTorque_;
 };
 
 template <class Interface>

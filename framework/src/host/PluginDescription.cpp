@@ -72,7 +72,7 @@ std::string describePluginsAsJson(const std::vector<PluginInfo>& plugins, const 
         Json plugin = {
             {"kind", getName(p.kind)}, {"name", p.name}, {"summary", p.summary}, {"library", p.library.string()}};
         if (withGuarantees && p.kind == PluginKind::SafetyFilter)
-            plugin["guarantees_limits"] = PluginLoader::create<SafetyFilter>(p)->guaranteesLimits();
+            plugin["guarantees_limits"] = PluginLoader::create<SafetyFilter>(p)->traits().guarantees.hasJoints();
         plugin["parameters"] = Json::array();
         for (std::uint64_t i = 0; i < p.entry->parameterCount; ++i)
             plugin["parameters"].push_back(detail::describeAsJson(p.entry->parameters[i]));

@@ -1,6 +1,9 @@
 #include "log/LogFields.h"
 
 #include <limits>
+#include <mutex>
+
+#include "viable/limits/ArmLimit.h"
 
 namespace viable {
 
@@ -89,26 +92,57 @@ LogField perJoint(const char* name, Access access) {
 }
 
 template <class Access>
-LogField numbers(const char* name, LogKind kind, std::vector<std::string> elements, Access access) {
+LogField numbers(const std::string& name, LogKind kind, std::vector<std::string> elements, Access access) {
     LogField field{name, kind, std::move(elements)};
     field.number = access;
     field.updNumber = access;
     return field;
 }
 
-LogField text(const char* name, LogKind kind, const char* (*get)(const TickRecord&, int),
-              bool (*set)(TickRecord&, int, std::string_view)) {
+template <class Get, class Set>
+LogField text(const char* name, LogKind kind, Get get, Set set) {
     LogField field{name, kind, {}};
     field.text = get;
     field.setText = set;
     return field;
 }
 
-LogField integer(const char* name, std::int64_t (*get)(const TickRecord&), bool (*set)(TickRecord&, std::int64_t)) {
+template <class Get, class Set>
+LogField integer(const std::string& name, Get get, Set set) {
     LogField field{name, LogKind::Integer, {}};
     field.integer = get;
     field.setInteger = set;
     return field;
+}
+
+/** A truth, as 0 or 1. */
+template <class Access>
+LogField flag(const std::string& name, Access access) {
+    return integer(
+        name, [access](const TickRecord& r) -> std::int64_t { return access(r) ? 1 : 0; },
+        [access](TickRecord& r, std::int64_t value) {
+            access(r) = value == 1;
+            return value == 0 || value == 1;
+        });
+}
+
+/** An index; -1: none. */
+template <class Access>
+LogField index(const std::string& name, Access access) {
+    return integer(
+        name, [access](const TickRecord& r) -> std::int64_t { return access(r); },
+        [access](TickRecord& r, std::int64_t value) {
+            access(r) = static_cast<int>(value);
+            return value >= -1 && value <= std::numeric_limits<int>::max();
+        });
+}
+
+template <class Access>
+LogField counter(const std::string& name, Access access) {
+    return integer(name, access, [access](TickRecord& r, std::int64_t value) {
+        access(r) = value;
+        return value >= 0;
+    });
 }
 
 LogField laterThanTheRest(LogField field) {
@@ -119,14 +153,12 @@ LogField laterThanTheRest(LogField field) {
 template <int stage>
 LogField stageTime() {
     const std::string name = std::string(getName(static_cast<Stage>(stage))) + "_us";
-    return numbers(name.c_str(), LogKind::Number, {},
-                   [](auto& r, int) -> decltype(auto) { return (r.stage_us[stage]); });
+    return numbers(name, LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.stage_us[stage]); });
 }
 
 bool setLimit(TickRecord& record, int joint, std::string_view word) {
-    for (const LimitKind kind :
-         {LimitKind::None, LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk,
-          LimitKind::Torque, LimitKind::Clearance, LimitKind::Speed, LimitKind::Separation}) {
+    for (int k = 0; k < countLimitKinds(); ++k) {
+        const auto kind = static_cast<LimitKind>(k);
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
@@ -179,103 +211,50 @@ std::vector<LogField> declareLimits() {
         perJoint("jerk_upper_radps3", [](auto& r) -> decltype(auto) { return (r.limits.jerk.upper); })};
 }
 
-template <int Clearance::*index>
-LogField clearanceIndex(const char* name) {
-    return integer(
-        name, [](const TickRecord& r) -> std::int64_t { return r.clearance.*index; },
-        [](TickRecord& r, std::int64_t value) {
-            r.clearance.*index = static_cast<int>(value);
-            return value >= -1 && value <= std::numeric_limits<int>::max();
-        });
+/** A column of a kind's channel, by the type of the member that it holds. */
+LogField declareColumn(LimitKind kind, const LimitColumn& column) {
+    const std::string& name = column.name;
+    return std::visit(
+        [&](auto member) -> LogField {
+            const auto get = [kind, member](auto& r) -> decltype(auto) {
+                if constexpr (std::is_same_v<decltype(member), std::int64_t PeopleFaults::*> ||
+                              std::is_same_v<decltype(member), int PeopleFaults::*>)
+                    return (r.peopleFaults.*member);
+                else
+                    return (r.reports[kind].*member);
+            };
+            using Value = std::remove_const_t<std::remove_reference_t<decltype(get(std::declval<TickRecord&>()))>>;
+            if constexpr (std::is_same_v<Value, bool>)
+                return flag(name, get);
+            else if constexpr (std::is_same_v<Value, int>)
+                return index(name, get);
+            else if constexpr (std::is_same_v<Value, std::int64_t>)
+                return counter(name, get);
+            else if constexpr (std::is_same_v<Value, double>)
+                return numbers(name, LogKind::Number, {}, [get](auto& r, int) -> decltype(auto) { return get(r); });
+            else
+                return numbers(name + "_m", LogKind::Vector, {name + ".x_m", name + ".y_m", name + ".z_m"},
+                               [get](auto& r, int i) -> decltype(auto) { return (get(r)[i]); });
+        },
+        column.member);
 }
 
-/** Names of links and obstacles are in the metadata, see CaseRun. */
-std::vector<LogField> declareClearance() {
-    return {integer(
-                "known", [](const TickRecord& r) -> std::int64_t { return r.clearance.isKnown ? 1 : 0; },
-                [](TickRecord& r, std::int64_t value) {
-                    r.clearance.isKnown = value == 1;
-                    return value == 0 || value == 1;
-                }),
-            numbers("distance_m", LogKind::Number, {},
-                    [](auto& r, int) -> decltype(auto) { return (r.clearance.distance); }),
-            clearanceIndex<&Clearance::link>("link"),
-            clearanceIndex<&Clearance::obstacle>("obstacle"),
-            clearanceIndex<&Clearance::otherLink>("other_link"),
-            numbers("on_arm_m", LogKind::Vector, {"on_arm.x_m", "on_arm.y_m", "on_arm.z_m"},
-                    [](auto& r, int i) -> decltype(auto) { return (r.clearance.onArm[i]); }),
-            numbers("on_obstacle_m", LogKind::Vector, {"on_obstacle.x_m", "on_obstacle.y_m", "on_obstacle.z_m"},
-                    [](auto& r, int i) -> decltype(auto) { return (r.clearance.onObstacle[i]); }),
-            numbers("map_age_s", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.mapAge_s); })};
+/** "motor_demand" as messages are named: "MotorDemand". */
+std::string makeMessageName(const std::string& name) {
+    std::string message;
+    bool isFirst = true;
+    for (const char c : name) {
+        if (c != '_') message += isFirst && c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+        isFirst = c == '_';
+    }
+    return message;
 }
 
-/** The names of links are in the metadata. */
-std::vector<LogField> declareSpeed() {
-    return {integer(
-                "known", [](const TickRecord& r) -> std::int64_t { return r.speed.isKnown ? 1 : 0; },
-                [](TickRecord& r, std::int64_t value) {
-                    r.speed.isKnown = value == 1;
-                    return value == 0 || value == 1;
-                }),
-            numbers("largest_mps", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.speed.speed); }),
-            numbers("limit_mps", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.speed.limit); }),
-            integer(
-                "link", [](const TickRecord& r) -> std::int64_t { return r.speed.link; },
-                [](TickRecord& r, std::int64_t value) {
-                    r.speed.link = static_cast<int>(value);
-                    return value >= -1 && value <= std::numeric_limits<int>::max();
-                })};
-}
-
-template <int Separation::*index>
-LogField separationIndex(const char* name) {
-    return integer(
-        name, [](const TickRecord& r) -> std::int64_t { return r.separation.*index; },
-        [](TickRecord& r, std::int64_t value) {
-            r.separation.*index = static_cast<int>(value);
-            return value >= -1 && value <= std::numeric_limits<int>::max();
-        });
-}
-
-template <bool Separation::*flag>
-LogField separationFlag(const char* name) {
-    return integer(
-        name, [](const TickRecord& r) -> std::int64_t { return r.separation.*flag ? 1 : 0; },
-        [](TickRecord& r, std::int64_t value) {
-            r.separation.*flag = value == 1;
-            return value == 0 || value == 1;
-        });
-}
-
-template <std::int64_t PeopleFaults::*count>
-LogField peopleFault(const char* name) {
-    return integer(
-        name, [](const TickRecord& r) -> std::int64_t { return r.separation.faults.*count; },
-        [](TickRecord& r, std::int64_t value) {
-            r.separation.faults.*count = value;
-            return value >= 0;
-        });
-}
-
-/** The names of links and people are in the metadata. */
-std::vector<LogField> declareSeparation() {
-    return {
-        separationFlag<&Separation::isKnown>("known"),
-        separationFlag<&Separation::isKept>("kept"),
-        numbers("margin_m", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.separation.margin); }),
-        separationIndex<&Separation::link>("link"),
-        separationIndex<&Separation::person>("person"),
-        numbers("age_s", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.separation.age_s); }),
-        peopleFault<&PeopleFaults::appeared>("appeared"),
-        peopleFault<&PeopleFaults::faster>("faster"),
-        peopleFault<&PeopleFaults::lost>("lost"),
-        peopleFault<&PeopleFaults::refused>("refused"),
-        integer(
-            "last_fault", [](const TickRecord& r) -> std::int64_t { return r.separation.faults.last; },
-            [](TickRecord& r, std::int64_t value) {
-                r.separation.faults.last = static_cast<int>(value);
-                return value >= -1 && value <= std::numeric_limits<int>::max();
-            })};
+LogChannel declareLimit(LimitKind kind) {
+    const std::string name = getName(kind, LimitSide::Neither);
+    std::vector<LogField> fields;
+    for (const LimitColumn& column : getLimitRow(kind).columns) fields.push_back(declareColumn(kind, column));
+    return {name, makeMessageName(name), [kind](const LogLayout& l) { return l.limits.has(kind); }, std::move(fields)};
 }
 
 bool always(const LogLayout&) {
@@ -335,9 +314,6 @@ std::vector<LogChannel> declareChannels() {
                   [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].duration_s); }),
           numbers("rest_rad", LogKind::JointNumber, {},
                   [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].rest); })}},
-        {"clearance", "Clearance", [](const LogLayout& l) { return l.hasEnvironment; }, declareClearance()},
-        {"speed", "Speed", [](const LogLayout& l) { return l.hasSpeedLimits; }, declareSpeed()},
-        {"separation", "Separation", [](const LogLayout& l) { return l.hasPeople; }, declareSeparation()},
         {"limits", "Limits", always, declareLimits(), true},
         {"robust",
          "Robust",
@@ -370,18 +346,8 @@ std::vector<LogChannel> declareChannels() {
         {"live",
          "Live",
          [](const LogLayout& l) { return l.isLive; },
-         {integer(
-              "paused", [](const TickRecord& r) -> std::int64_t { return r.paused ? 1 : 0; },
-              [](TickRecord& r, std::int64_t value) {
-                  r.paused = value == 1;
-                  return value == 0 || value == 1;
-              }),
-          laterThanTheRest(integer(
-              "take", [](const TickRecord& r) { return r.take; },
-              [](TickRecord& r, std::int64_t value) {
-                  r.take = value;
-                  return value >= 0;
-              }))},
+         {flag("paused", [](auto& r) -> decltype(auto) { return (r.paused); }),
+          laterThanTheRest(counter("take", [](auto& r) -> decltype(auto) { return (r.take); }))},
          true},
         {"pace",
          "Pace",
@@ -393,26 +359,11 @@ std::vector<LogChannel> declareChannels() {
          {numbers("time_s", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.time_s); }),
           text(
               "status", LogKind::Name, [](const TickRecord& r, int) { return getName(r.status); }, setStatus),
-          integer(
-              "braking", [](const TickRecord& r) -> std::int64_t { return r.braking ? 1 : 0; },
-              [](TickRecord& r, std::int64_t value) {
-                  r.braking = value == 1;
-                  return value == 0 || value == 1;
-              }),
-          integer(
-              "missed", [](const TickRecord& r) -> std::int64_t { return r.missed ? 1 : 0; },
-              [](TickRecord& r, std::int64_t value) {
-                  r.missed = value == 1;
-                  return value == 0 || value == 1;
-              }),
+          flag("braking", [](auto& r) -> decltype(auto) { return (r.braking); }),
+          flag("missed", [](auto& r) -> decltype(auto) { return (r.missed); }),
           text(
               "stop", LogKind::Name, [](const TickRecord& r, int) { return getName(r.verdict); }, setVerdict),
-          integer(
-              "substituted", [](const TickRecord& r) { return r.substituted; },
-              [](TickRecord& r, std::int64_t value) {
-                  r.substituted = value;
-                  return value >= 0;
-              }),
+          counter("substituted", [](auto& r) -> decltype(auto) { return (r.substituted); }),
           numbers("compute_us", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.compute_us); }),
           stageTime<0>(), stageTime<1>(), stageTime<2>(), stageTime<3>(), stageTime<4>(), stageTime<5>(),
           stageTime<6>()}},
@@ -421,9 +372,21 @@ std::vector<LogChannel> declareChannels() {
 
 }  // namespace
 
-const std::vector<LogChannel>& getLogChannels() {
+std::vector<const LogChannel*> listLogChannels() {
     // Never destroyed: a log is finished even while exit() runs (Recorder::rescueAll).
-    static const auto& channels = *new std::vector<LogChannel>(declareChannels());
+    static std::mutex& adding = *new std::mutex;
+    static auto& channels = *new std::vector<const LogChannel*>;
+    static int kinds = static_cast<int>(kFirstArmLimit);
+    const std::lock_guard<std::mutex> guard(adding);
+    if (channels.empty()) {
+        for (LogChannel& channel : declareChannels()) {
+            if (channel.name == "limits")  // those of the whole arm stand before those of the joints
+                while (kinds <= static_cast<int>(kLastOwnLimit))
+                    channels.push_back(new LogChannel(declareLimit(static_cast<LimitKind>(kinds++))));
+            channels.push_back(new LogChannel(std::move(channel)));
+        }
+    }
+    while (kinds < countLimitKinds()) channels.push_back(new LogChannel(declareLimit(static_cast<LimitKind>(kinds++))));
     return channels;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,14 +28,14 @@ struct LogField {
     /** Logs of before it came lack it, and its value in a new TickRecord is what they mean. */
     bool mayLack = false;
 
-    const JointVector& (*joints)(const TickRecord&) = nullptr;  ///< JointNumber, or the next two
-    JointVector& (*updJoints)(TickRecord&) = nullptr;
-    const double& (*number)(const TickRecord&, int) = nullptr;  ///< JointNumber, Number, Vector
-    double& (*updNumber)(TickRecord&, int) = nullptr;
-    const char* (*text)(const TickRecord&, int) = nullptr;
-    bool (*setText)(TickRecord&, int, std::string_view) = nullptr;  ///< false: no such word
-    std::int64_t (*integer)(const TickRecord&) = nullptr;
-    bool (*setInteger)(TickRecord&, std::int64_t) = nullptr;  ///< false: out of range
+    std::function<const JointVector&(const TickRecord&)> joints = {};  ///< JointNumber, or the next two
+    std::function<JointVector&(TickRecord&)> updJoints = {};
+    std::function<const double&(const TickRecord&, int)> number = {};  ///< JointNumber, Number, Vector
+    std::function<double&(TickRecord&, int)> updNumber = {};
+    std::function<const char*(const TickRecord&, int)> text = {};
+    std::function<bool(TickRecord&, int, std::string_view)> setText = {};  ///< false: no such word
+    std::function<std::int64_t(const TickRecord&)> integer = {};
+    std::function<bool(TickRecord&, std::int64_t)> setInteger = {};  ///< false: out of range
 
     bool isPerJoint() const { return kind == LogKind::JointNumber || kind == LogKind::JointName; }
     bool isText() const { return kind == LogKind::JointName || kind == LogKind::Name; }
@@ -46,11 +47,14 @@ struct LogField {
     std::string getSchemaType() const;
 };
 
+/** Key in the metadata: the kinds of limits that were added to those of this program, with their units. */
+inline constexpr char kLimitKindsKey[] = "limit_kinds";
+
 /** A source of quantities: an MCAP channel with a message type of its own. */
 struct LogChannel {
     std::string name;     ///< "nominal": topic "/nominal", columns "nominal...."
     std::string message;  ///< "Nominal": schema "viable/msg/Nominal"
-    bool (*isLogged)(const LogLayout&);
+    std::function<bool(const LogLayout&)> isLogged;
     std::vector<LogField> fields;
     /** Written in the first row of each chunk and in rows where a value differs from the row before; a row without a
     message of this channel has the values of the last one in its chunk. */
@@ -62,7 +66,8 @@ struct LogChannel {
 };
 
 /** The declaration of everything that is logged, in the order of the CSV columns. Schemas,
-encoding, decoding and columns all follow from it. */
-const std::vector<LogChannel>& getLogChannels();
+encoding, decoding and columns all follow from it. What is told stays as long as the program; kinds of limits that are added
+later come behind. */
+std::vector<const LogChannel*> listLogChannels();
 
 }  // namespace viable

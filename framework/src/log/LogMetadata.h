@@ -21,9 +21,9 @@ struct LogMetadata {
         JointVector position, velocity, measured;  // [rad], [rad/s], [rad]
     };
     std::optional<Bound> bound;
-    /** What the indices of the channel `clearance` stand for; none without an environment. */
+    /** What the indices of the log's channels stand for; none without an environment. */
     std::optional<std::vector<std::string>> obstacles, links;
-    /** Those of the channel `separation`; none without people. */
+    /** Likewise; none without people. */
     std::optional<std::vector<std::string>> people;
     std::string mapSha256;  ///< of the occupancy map; empty: none
     /** The plugins' libraries by the name of their kind ("filter"): one, or those of a chain in its order. */

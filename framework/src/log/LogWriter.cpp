@@ -105,13 +105,23 @@ std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
                 "Choose a folder that exists and may be written to");
 }
 
+/** With the kinds of limits that a reader may not know. */
+std::map<std::string, std::string> addLimitNames(std::map<std::string, std::string> metadata) {
+    nlohmann::json units = nlohmann::json::object();
+    for (int k = static_cast<int>(kLastOwnLimit) + 1; k < countLimitKinds(); ++k) {
+        const auto kind = static_cast<LimitKind>(k);
+        units[getName(kind, LimitSide::Neither)] = getUnit(kind, false);
+    }
+    if (!units.empty()) metadata[kLimitKindsKey] = units.dump();
+    return metadata;
+}
+
 struct LogWriter::Impl {
     Impl(std::unique_ptr<LogSink> target, const LogOpening& opening) : sink(std::move(target)), layout(opening.layout) {
         const auto n = layout.jointNames.size();
         VIABLE_CHECK(n >= 1 && n <= static_cast<std::size_t>(kMaxJoints), "a log has 1 to 16 joints");
-        for (const LogChannel& channel : getLogChannels()) {
-            if (channel.isLogged(layout)) channels.push_back(&channel);
-        }
+        for (const LogChannel* channel : listLogChannels())
+            if (channel->isLogged(layout)) channels.push_back(channel);
         indices.resize(channels.size());
         counts.resize(channels.size());
         lastBodies.resize(channels.size());
@@ -187,7 +197,7 @@ struct LogWriter::Impl {
         metadataOffset = out.bytes.size();
         record = out.begin(kMetadata);
         out.putString(kMetadataName);
-        out.putMap(opening.metadata);
+        out.putMap(addLimitNames(opening.metadata));
         out.end(record);
         metadataLength = out.bytes.size() - metadataOffset;
 

@@ -18,10 +18,8 @@ struct LogLayout {
     MotionCommand::Space commandSpace = MotionCommand::Space::Joint;
     bool hasRealPlant = false;       ///< real, actual, robust and motor are logged only then
     bool hasExternalTorque = false;  ///< TickRecord::externalTorque is there, and logged
-    bool hasEnvironment = false;     ///< TickRecord::clearance is logged only then
-    bool hasSpeedLimits = false;     ///< TickRecord::speed is logged only then
+    LimitSet limits;                 ///< of the whole arm: the kinds whose TickRecord::reports are logged
     bool isLive = false;             ///< a run in real time: pauses, takes and the time between ticks are logged
-    bool hasPeople = false;          ///< TickRecord::separation is logged only then
 };
 
 /** A file carried inside a log. */

@@ -35,7 +35,7 @@ bool isBounded(const JointVector& v, int n) {
 bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
     for (int i = 0; i < n; ++i)
-        if (d.joints[i].limit > LimitKind::Separation || d.joints[i].side < LimitSide::Lower ||
+        if (static_cast<int>(d.joints[i].limit) >= countLimitKinds() || d.joints[i].side < LimitSide::Lower ||
             d.joints[i].side > LimitSide::Upper)
             return false;
     return true;
@@ -59,7 +59,7 @@ constexpr double kRounding = 1e-9;
 
 // What the author of a plugin can do about its failures.
 constexpr char kOnGivingUp[] = "The plugin reports this itself: see its README, or its checks if it is yours.";
-constexpr char kOnGuarantee[] = "The decision was not applied. Fix the filter, or let guaranteesLimits() return false.";
+constexpr char kOnGuarantee[] = "The decision was not applied. Fix the filter, or let its traits() guarantee nothing.";
 constexpr char kOnFixedLimits[] = "Use `hold_on: nominal`, or a command that leaves the limits alone.";
 constexpr char kOnLimits[] =
     "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or "
@@ -176,7 +176,7 @@ void ControlLoop::reset() {
     const auto resetOne = [&](auto& plugin, PluginKind kind) {
         if (plugin) resetPlugin(*plugin, kind, findWatch(kind), nominal_);
     };
-    hasClock_ = plugins_.realPlant && plugins_.realPlant->hasClock();
+    hasClock_ = plugins_.realPlant && plugins_.realPlant->traits().hasClock;
     if (hasClock_) {
         resetOne(plugins_.realPlant, PluginKind::RealPlant);
         startAtReal();
@@ -215,22 +215,23 @@ void ControlLoop::reset() {
     command_.q = nominal_.q;
     command_.qd.setZero(n_);
     command_.tool = setup_.startTool;
-    command_.space = plugins_.command->space();
+    command_.space = plugins_.command->traits().space;
     if (plugins_.stream) plugins_.stream->reset(command_);
     resetOne(plugins_.command, PluginKind::CommandSource);
     resetOne(plugins_.controller, PluginKind::NominalController);
     resetOne(plugins_.filter, PluginKind::SafetyFilter);
     resetOne(plugins_.robustLoop, PluginKind::RobustLoop);
     if (!hasClock_) resetOne(plugins_.realPlant, PluginKind::RealPlant);
-    guarantees_ = plugins_.filter->guaranteesLimits();
-    monitor_.reset(nominal_, limits_, setup_.tick_s, guarantees_, plugins_.filter->recovers());
+    const FilterTraits traits = plugins_.filter->traits();
+    guarantees_ = traits.guarantees.hasJoints();
+    monitor_.reset(nominal_, limits_, setup_.tick_s, guarantees_, traits.recovers);
 }
 
 void ControlLoop::startAtReal() {
     const JointState& measured = plugins_.realPlant->measured();
     if (!isFinite(measured, n_)) return;  // the first tick says so
     const JointBounds& bounds = setup_.limits.position;
-    const bool recovers = plugins_.filter->recovers();
+    const bool recovers = plugins_.filter->traits().recovers;
     for (int i = 0; i < n_; ++i) {
         const double q = measured.q[i], inside = std::clamp(q, bounds.lower[i], bounds.upper[i]);
         nominal_.q[i] = recovers ? q : inside;
@@ -587,17 +588,8 @@ void ControlLoop::tellSkippedTicks() {
     skippedTicks_ = 0;
 }
 
-/** What a filter need not say of every decision is not that of the one before. */
-void ControlLoop::forgetRemarks() {
-    decision_.hasStops = false;
-    decision_.clearance = {};
-    decision_.speed = {};
-    decision_.separation = {};
-    decision_.mapAge_s = 0.0;
-}
-
 bool ControlLoop::takeDecision() {
-    forgetRemarks();
+    decision_.clearReports();
     wantedTorque_ = desiredTorque_;
     if (externalTorque_.size() > 0) wantedTorque_ += externalTorque_;
     // How a push changes nobody knows: its own rate counts as zero.
@@ -651,7 +643,7 @@ void ControlLoop::followStop() {
         nominal_.qd.setZero();
         nominal_.qdd.setZero();
     }
-    forgetRemarks();
+    decision_.clearReports();
     verdict_ = monitor_.followStop(nominal_, decision_).verdict;
     status_ = FilterStatus::StoppedByPlan;
     calcHeldMotion({nominal_, desiredTorque_, dynamics_}, status_, decision_, setup_.tick_s, motion_);
@@ -753,10 +745,8 @@ void ControlLoop::fillRecord(TickRecord& record, bool decided) const {
     record.joints = decision_.joints;
     for (int i = 0; i < n_; ++i) record.stops[i] = monitor_.stop(i);
     record.verdict = verdict_;
-    record.clearance = decision_.clearance;
-    record.speed = decision_.speed;
-    record.separation = decision_.separation;
-    record.mapAge_s = decision_.mapAge_s;
+    record.reports = decision_.reports;
+    record.peopleFaults = decision_.peopleFaults;
     record.limits = limits_;
     record.braking = isStopping();
     record.missed = missedInRow_ > 0;

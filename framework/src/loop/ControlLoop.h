@@ -179,7 +179,6 @@ private:
     void tellSkippedTicks();
     void countPause();
     void startAtReal();
-    void forgetRemarks();
     bool takeDecision();
     bool passMonitor();
     void followStop();

@@ -55,7 +55,7 @@ public:
         receiver_.reset(target_);
         hasNew_ = hasLimits_ = false;
     }
-    MotionCommand::Space space() const override { return MotionCommand::Space::Joint; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Joint}; }
     TickStatus sample(double t, MotionCommand& out) override {
         if (hasNew_) receiver_.take(t, target_);
         hasNew_ = false;
@@ -101,7 +101,7 @@ public:
         velocity_.reset(start.q);
         target_ = {start.q, JointVector::Zero(start.q.size()), JointVector::Zero(start.q.size())};
     }
-    bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Joint; }
+    ControllerTraits traits() const override { return {true, false}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         if (input.tick.missed > 0) {
             servo_.skipTicks(input.tick.missed);

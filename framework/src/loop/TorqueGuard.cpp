@@ -91,7 +91,7 @@ class NoCommand : public CommandSource {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    MotionCommand::Space space() const override { return MotionCommand::Space::Tool; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double, MotionCommand& out) override {
         out.space = MotionCommand::Space::Tool;
         return TickStatus::Ok;
@@ -105,7 +105,7 @@ class TorqueGuard::LawController : public NominalController {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    bool follows(MotionCommand::Space) const override { return true; }
+    ControllerTraits traits() const override { return {true, true}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         output.torque.setConstant(input.nominal.q.size(), kNan);  // what the law does not write is no torque
         law.call(law.law, input.nominal, input.dynamics, output.torque);
@@ -267,7 +267,7 @@ public:
     void holdIntegral() override {
         if (nric_) nric_->holdIntegral();
     }
-    const LinearErrorLoop* errorLoop() const override { return nric_ ? nric_->errorLoop() : nullptr; }
+    RobustTraits traits() const override { return nric_ ? nric_->traits() : RobustTraits(); }
 
 private:
     /** The last torque, less what friction no longer takes now that the nominal joint is slower; never

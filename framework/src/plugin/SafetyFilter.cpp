@@ -4,22 +4,6 @@
 
 namespace viable {
 
-bool SafetyFilter::guaranteesClearance() const {
-    return false;
-}
-
-bool SafetyFilter::guaranteesSpeed() const {
-    return false;
-}
-
-bool SafetyFilter::guaranteesSeparation() const {
-    return false;
-}
-
-bool SafetyFilter::recovers() const {
-    return false;
-}
-
 bool SafetyFilter::changeLimits(const JointLimits&) {
     return false;
 }

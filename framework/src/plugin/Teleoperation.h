@@ -92,7 +92,7 @@ class TeleoperatedCommand : public CommandSource {
 public:
     ~TeleoperatedCommand() override;
 
-    /** The command space is that of space(). Outlives the plugin. */
+    /** The command space is that of traits(). Outlives the plugin. */
     virtual std::shared_ptr<TeleoperationFeed> feed() const = 0;
 
     /** After each tick. Real time.

@@ -23,7 +23,7 @@ class RecordedPoses : public CommandSource {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    MotionCommand::Space space() const override { return MotionCommand::Space::Tool; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double t, MotionCommand& out) override;
 
 private:

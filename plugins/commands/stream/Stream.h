@@ -31,7 +31,7 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void beginRehearsal() noexcept override { isRehearsal_ = true; }
     void reset(const MotionState& start) override;
-    MotionCommand::Space space() const override { return first_.space; }
+    CommandTraits traits() const override { return {first_.space}; }
     TickStatus sample(double t, MotionCommand& out) override;
 
 private:

@@ -24,7 +24,7 @@ public:
     explicit Teleoperation(std::function<double()> clock = {});
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    MotionCommand::Space space() const override { return command_.space; }
+    CommandTraits traits() const override { return {command_.space}; }
     TickStatus sample(double t, MotionCommand& out) override;
     std::shared_ptr<TeleoperationFeed> feed() const override { return feed_; }
     void observe(const JointVector& q, const JointVector& rest) noexcept override;

@@ -20,7 +20,7 @@ class Waypoints : public CommandSource {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    MotionCommand::Space space() const override { return MotionCommand::Space::Joint; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Joint}; }
     TickStatus sample(double t, MotionCommand& out) override;
 
 private:

@@ -13,7 +13,7 @@ class JointPd : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Joint; }
+    ControllerTraits traits() const override { return {true, false}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 
 private:

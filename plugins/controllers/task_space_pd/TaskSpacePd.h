@@ -23,7 +23,7 @@ class TaskSpacePd : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Tool; }
+    ControllerTraits traits() const override { return {false, true}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 
 private:

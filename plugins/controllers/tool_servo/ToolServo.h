@@ -12,7 +12,7 @@ class ToolServo : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Tool; }
+    ControllerTraits traits() const override { return {false, true}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 
 private:

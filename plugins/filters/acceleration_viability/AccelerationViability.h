@@ -23,7 +23,7 @@ class AccelerationViability : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool guaranteesLimits() const override { return false; }
+    FilterTraits traits() const override { return {}; }
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 
 private:

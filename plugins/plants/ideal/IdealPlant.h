@@ -22,7 +22,7 @@ public:
     void reset(const MotionState& start) override;
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return state_; }
-    Encoder encoder() const override { return Encoder::Exact; }
+    PlantTraits traits() const override { return {Encoder::Exact}; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &external_; }
 

@@ -53,9 +53,7 @@ public:
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return state_; }
     const JointVector* externalTorque() const override { return measuresExternal_ ? &external_ : nullptr; }
-    int delayTicks() const override { return delayTicks_; }
-    JointVector motorRate() const override { return motorRate_; }
-    bool hasClock() const override { return true; }
+    PlantTraits traits() const override { return {Encoder::Counts, delayTicks_, motorRate_, true}; }
     TickStatus read(std::int64_t& ticksPassed) override;
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
 

@@ -28,9 +28,7 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     const JointState& measured() const override { return hardware_.measured(); }
-    Encoder encoder() const override { return hardware_.encoder(); }
-    int delayTicks() const override { return hardware_.delayTicks(); }
-    JointVector motorRate() const override { return motorRate_.rate(); }
+    PlantTraits traits() const override { return {hardware_.encoder(), hardware_.delayTicks(), motorRate_.rate()}; }
     const JointState& actual() const override { return actual_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
     const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }

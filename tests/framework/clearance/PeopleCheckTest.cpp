@@ -8,7 +8,7 @@
 #include "DrawnPath.h"
 #include "Paths.h"
 #include "SlidingArm.h"
-#include "summary/SeparationCounter.h"
+#include "limits/SeparationLimit.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -172,7 +172,7 @@ ArmPath drawPath(int n, std::mt19937& random, double size) {
 }
 
 /** The least m of PeopleCheck over times of a path, with code that shares none of it: the person has grown by then. */
-double sampleMargin(const detail::SeparationCounter& judge, const ArmPath& path, const PersonObservation& seen,
+double sampleMargin(const detail::SeparationLimit& judge, const ArmPath& path, const PersonObservation& seen,
                     double grown, double speed, double t) {
     JointVector q, qd;
     path.calcMotion(t, q, qd);
@@ -209,7 +209,7 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
             path.calcExtremes(extremes);
             PeopleCheck::Result result;
             check.examine(path, extremes, {0.0, PeopleCheck::kGuard_m}, false, result);
-            const detail::SeparationCounter judge(robot, geometry, people, false);
+            const detail::SeparationLimit judge(robot, geometry, people);
             double least = kInfinity;
             constexpr int kTimes = 400;
             for (int k = 0; k < kTimes; ++k)

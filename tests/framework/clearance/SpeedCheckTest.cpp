@@ -8,7 +8,7 @@
 
 #include "DrawnPath.h"
 #include "SlidingArm.h"
-#include "summary/SpeedCounter.h"
+#include "limits/PointSpeedLimit.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -80,7 +80,7 @@ TEST(SpeedCheck, NoPointIsFasterThanIsProvenAtAnyTime) {
                 robot.speedLimits.regions.push_back({"box", centre - half, centre + half, 0.05});
             }
             SpeedCheck check(robot, &geometry, kTick_s);
-            const detail::SpeedCounter judge(robot, &geometry, false);
+            const detail::PointSpeedLimit judge(robot, &geometry);
             const ArmPath path = drawPath(n, random,
                                           round % 3 == 0   ? 1.0
                                           : round % 3 == 1 ? 0.2
@@ -98,7 +98,7 @@ TEST(SpeedCheck, NoPointIsFasterThanIsProvenAtAnyTime) {
                 // Half of them where the path begins: there it is fast.
                 const double t = path.duration() * (k % 2 == 0 ? k : 0.1 * k) / kTimes;
                 path.calcMotion(t, q, qd);
-                const detail::SpeedCounter::Fastest found = judge.find(q, qd);
+                const detail::PointSpeedLimit::Fastest found = judge.find(q, qd);
                 most = std::max(most, found.use);
                 if (k % 100 != 3 || robot.speedLimits.arm == kInfinity) continue;
                 const double speed = sampleSpeed(robot, geometry, path, t, random);
@@ -130,7 +130,7 @@ TEST(SpeedCheck, AStopAlongWhichAPointBecomesFasterIsNotTakenForSlow) {
     const ArmGeometry geometry = loadArmGeometry(robot);
     const int n = robot.size();
     SpeedCheck check(robot, &geometry, kTick_s);
-    const detail::SpeedCounter judge(robot, &geometry, false);
+    const detail::PointSpeedLimit judge(robot, &geometry);
     MotionState s{robot.home, JointVector::Zero(n), JointVector::Zero(n)};
     std::mt19937 random(2);
     std::uniform_real_distribution<double> share(-1.0, 1.0);

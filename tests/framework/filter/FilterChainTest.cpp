@@ -22,9 +22,11 @@ public:
         ++resets;
         if (throwsInReset) throw std::runtime_error("no way back");
     }
-    bool guaranteesLimits() const override { return guarantees_; }
-    bool guaranteesClearance() const override { return clearance > 0.0; }
-    bool recovers() const override { return recovery; }
+    FilterTraits traits() const override {
+        FilterTraits traits{guarantees_ ? LimitSet::joints() : LimitSet(), recovery};
+        traits.guarantees.set(LimitKind::Clearance, clearance > 0.0);
+        return traits;
+    }
     bool changeLimits(const JointLimits&) override {
         ++limitChanges;
         return takesLimits;
@@ -39,9 +41,10 @@ public:
         for (double& a : chosen) a = change_(a);
         decision.holdJerk(2.0 / kTick_s * (chosen - input.nominal.qdd));
         if (clearance > 0.0) {
-            decision.clearance.isKnown = true;
-            decision.clearance.distance = clearance;
-            decision.mapAge_s = 10.0 * clearance;
+            LimitReport& nearest = decision.reports[LimitKind::Clearance];
+            nearest.isKnown = true;
+            nearest.margin = clearance;
+            nearest.age_s = 10.0 * clearance;
         }
         if (chosen == wanted) return FilterStatus::Passed;
         decision.joints[0] = {LimitKind::Jerk, LimitSide::Upper};
@@ -138,18 +141,18 @@ TEST_F(Chain, WhatAnEarlierFilterChangedCountsAsModifiedThoughTheLastOnePasses) 
 
 TEST_F(Chain, TheGuaranteeIsThatOfTheLastFilterThatMakesOne) {
     add(pass);
-    EXPECT_FALSE(chain_.guaranteesLimits());
-    EXPECT_FALSE(chain_.recovers());
+    EXPECT_FALSE(chain_.traits().guarantees.hasJoints());
+    EXPECT_FALSE(chain_.traits().recovers);
     add(atMost(2.0), true).recovery = true;
-    EXPECT_TRUE(chain_.guaranteesLimits());
+    EXPECT_TRUE(chain_.traits().guarantees.hasJoints());
     EXPECT_EQ(chain_.guaranteeing(), 1);
     add(atMost(4.0));
-    EXPECT_TRUE(chain_.guaranteesLimits());
-    EXPECT_TRUE(chain_.recovers());
+    EXPECT_TRUE(chain_.traits().guarantees.hasJoints());
+    EXPECT_TRUE(chain_.traits().recovers);
     EXPECT_EQ(chain_.guaranteeing(), 1);
     add(pass, true);
     EXPECT_EQ(chain_.guaranteeing(), 3);
-    EXPECT_FALSE(chain_.recovers());
+    EXPECT_FALSE(chain_.traits().recovers);
 }
 
 TEST_F(Chain, NoObjectionBehindTheGuaranteeLeavesTheGuaranteedDecisionWithItsStops) {
@@ -165,15 +168,15 @@ TEST_F(Chain, AClearanceIsToldAsLongAsItIsThatOfTheMotionThatStands) {
     add(atMost(3.0));
     looking.clearance = 0.5;
     EXPECT_EQ(filter(2.0), FilterStatus::Passed);  // the second passes it
-    EXPECT_TRUE(decision_.clearance.isKnown);
-    EXPECT_EQ(decision_.clearance.distance, 0.5);
-    EXPECT_EQ(decision_.mapAge_s, 5.0);
+    EXPECT_TRUE(decision_.reports[LimitKind::Clearance].isKnown);
+    EXPECT_EQ(decision_.reports[LimitKind::Clearance].margin, 0.5);
+    EXPECT_EQ(decision_.reports[LimitKind::Clearance].age_s, 5.0);
     EXPECT_EQ(filter(10.0), FilterStatus::Modified);  // the second changes it and has not looked
-    EXPECT_FALSE(decision_.clearance.isKnown);
-    EXPECT_EQ(decision_.mapAge_s, 0.0);
+    EXPECT_FALSE(decision_.reports[LimitKind::Clearance].isKnown);
+    EXPECT_EQ(decision_.reports[LimitKind::Clearance].age_s, 0.0);
     looking.clearance = 0.0;
     EXPECT_EQ(filter(2.0), FilterStatus::Passed);
-    EXPECT_FALSE(decision_.clearance.isKnown);  // nothing of an earlier tick
+    EXPECT_FALSE(decision_.reports[LimitKind::Clearance].isKnown);  // nothing of an earlier tick
 }
 
 TEST_F(Chain, AChangeBehindTheGuaranteeStandsWithoutItsStopsAndIsAnsweredFor) {
@@ -225,10 +228,10 @@ TEST_F(Chain, AChangeOfArithmeticIsThatFiltersAndUndone) {
 
 TEST_F(Chain, GuaranteesClearanceOnlyWhenNothingComesBehind) {
     add(pass, true).clearance = 0.1;
-    EXPECT_TRUE(chain_.guaranteesClearance());
+    EXPECT_TRUE(chain_.traits().guarantees.has(LimitKind::Clearance));
     add(pass);
-    EXPECT_FALSE(chain_.guaranteesClearance());
-    EXPECT_TRUE(chain_.guaranteesLimits());
+    EXPECT_FALSE(chain_.traits().guarantees.has(LimitKind::Clearance));
+    EXPECT_TRUE(chain_.traits().guarantees.hasJoints());
 }
 
 TEST_F(Chain, EndedEndsAChainOnlyWhereNobodyGuarantees) {

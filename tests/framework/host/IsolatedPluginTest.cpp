@@ -56,7 +56,7 @@ class Command : public CommandSource {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override { start_ = start.q; }
-    MotionCommand::Space space() const override { return MotionCommand::Space::Tool; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double t, MotionCommand& out) override {
         out.q = start_ + vector(t);
         out.qd = vector(2 * t);
@@ -77,7 +77,7 @@ private:
 
 TEST(IsolatedPlugin, ACommandSourceAnswersAsItWouldHere) {
     const auto plugin = isolate<CommandSource, Command>(kDefaultWatchdog_s);
-    EXPECT_EQ(plugin->space(), MotionCommand::Space::Tool);
+    EXPECT_EQ(plugin->traits().space, MotionCommand::Space::Tool);
     plugin->reset(state(1.0));
     MotionCommand command;
     EXPECT_EQ(plugin->sample(0.25, command), TickStatus::Ok);
@@ -96,7 +96,7 @@ class Controller : public NominalController {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    bool follows(MotionCommand::Space space) const override { return space == MotionCommand::Space::Joint; }
+    ControllerTraits traits() const override { return {true, false}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         const auto& [command, nominal, dynamics, tick] = input;
         output.torque = dynamics.M * (command.q - nominal.q) + dynamics.b;
@@ -108,8 +108,8 @@ public:
 
 TEST(IsolatedPlugin, AControllerAnswersAsItWouldHere) {
     const auto plugin = isolate<NominalController, Controller>(kDefaultWatchdog_s);
-    EXPECT_TRUE(plugin->follows(MotionCommand::Space::Joint));
-    EXPECT_FALSE(plugin->follows(MotionCommand::Space::Tool));
+    EXPECT_TRUE(plugin->traits().follows(MotionCommand::Space::Joint));
+    EXPECT_FALSE(plugin->traits().follows(MotionCommand::Space::Tool));
     MotionCommand command;
     command.q = vector(5.0);
     Dynamics dynamics;
@@ -147,8 +147,7 @@ public:
     }
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override { ticks_ = 0; }
-    bool guaranteesLimits() const override { return true; }
-    bool recovers() const override { return true; }
+    FilterTraits traits() const override { return {LimitSet::joints(), true}; }
     bool changeLimits(const JointLimits& limits) override { return limits.jerk.upper[0] > 0.0; }
     void skipTicks(std::int64_t ticks) override { ticks_ += ticks; }
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override {
@@ -228,8 +227,8 @@ protected:
 
 TEST_F(IsolatedFilterTest, AnswersAsItWouldHere) {
     make(What::Nothing);
-    EXPECT_TRUE(plugin_->guaranteesLimits());
-    EXPECT_TRUE(plugin_->recovers());
+    EXPECT_TRUE(plugin_->traits().guarantees.hasJoints());
+    EXPECT_TRUE(plugin_->traits().recovers);
     EXPECT_EQ(decision_.held, HeldQuantity::Jerk);
     EXPECT_EQ(decision_.value, vector(2.0));
     EXPECT_EQ(decision_.joints[1].limit, LimitKind::Velocity);
@@ -368,7 +367,7 @@ public:
         return TickStatus::Ok;
     }
     void holdIntegral() override { isHeld_ = true; }
-    const LinearErrorLoop* errorLoop() const override { return &law_; }
+    RobustTraits traits() const override { return {law_}; }
 
 private:
     static LinearErrorLoop makeLaw() {
@@ -388,8 +387,7 @@ class Plant : public RealPlant {
 public:
     explicit Plant(bool hasSensors = false) : hasSensors_(hasSensors) {}
     const JointVector* externalTorque() const override { return hasSensors_ ? &state_.q : nullptr; }
-    Encoder encoder() const override { return hasSensors_ ? Encoder::Counts : Encoder::Exact; }
-    bool hasClock() const override { return hasSensors_; }
+    PlantTraits traits() const override { return {hasSensors_ ? Encoder::Counts : Encoder::Exact, 0, {}, hasSensors_}; }
     TickStatus read(std::int64_t& ticksPassed) override {
         ticksPassed = 4;
         state_.qd = vector(4.0);
@@ -420,8 +418,8 @@ TEST(IsolatedPlugin, ARobustLoopAnswersAsItWouldHere) {
     plugin->holdIntegral();
     plugin->compute({vector(1.0), vector(0.0)}, state(3.0), vector(5.0), torque);
     EXPECT_EQ(torque, JointVector(2.0 * expected));
-    const LinearErrorLoop* law = plugin->errorLoop();
-    ASSERT_NE(law, nullptr);
+    const std::optional<LinearErrorLoop> law = plugin->traits().errorLoop;
+    ASSERT_TRUE(law);
     EXPECT_EQ(law->kr, vector(1.0));
     EXPECT_EQ(law->torqueRate, vector(5.0));
 }
@@ -438,14 +436,14 @@ TEST(IsolatedPlugin, APlantAnswersAsItWouldHereAndItsLastStateOutlivesIt) {
               "its process died: signal 11 (Segmentation fault)");
     EXPECT_EQ(plugin->measured().q, JointVector(2.0 * vector(1.0)));
     EXPECT_EQ(plugin->externalTorque(), nullptr);
-    EXPECT_FALSE(plugin->hasClock());
-    EXPECT_EQ(plugin->encoder(), Encoder::Exact);
+    EXPECT_FALSE(plugin->traits().hasClock);
+    EXPECT_EQ(plugin->traits().encoder, Encoder::Exact);
 }
 
 TEST(IsolatedPlugin, APlantsClockIsHeardFromHere) {
     const auto plugin = isolate<RealPlant, Plant>(kDefaultWatchdog_s, true);
-    EXPECT_TRUE(plugin->hasClock());
-    EXPECT_EQ(plugin->encoder(), Encoder::Counts);
+    EXPECT_TRUE(plugin->traits().hasClock);
+    EXPECT_EQ(plugin->traits().encoder, Encoder::Counts);
     plugin->reset(state(1.0));
     std::int64_t passed = 0;
     EXPECT_EQ(plugin->read(passed), TickStatus::Ok);

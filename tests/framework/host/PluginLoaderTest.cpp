@@ -151,7 +151,7 @@ TEST(PluginLoader, FindsByNameAndMakesAWorkingPlugin) {
     EXPECT_EQ(info.summary, "Guarantees every limit and keeps none.");
     EXPECT_EQ(info.library, fs::canonical(kBroken / "viable_filter_liar.so"));
     const PluginPtr<SafetyFilter> filter = PluginLoader::create<SafetyFilter>(info);
-    EXPECT_TRUE(filter->guaranteesLimits());
+    EXPECT_TRUE(filter->traits().guarantees.hasJoints());
 
     // The object works: M = 2, b = 1 gives (5 - 1) / 2 = 2 rad/s^2.
     RobotDescription robot;
@@ -227,6 +227,7 @@ TEST(PluginLoader, ListsWhatIsThereAndSaysWhatWasRefused) {
                                                "filter throws_in_reset",
                                                "filter throws_in_thread",
                                                "filter throws_when_asked",
+                                               "filter upright",
                                                "filter wrong_size",
                                                "robust_loop throwing_robust",
                                                "plant failing_plant",
@@ -707,7 +708,7 @@ TEST(PluginLoader, Fault46_LibraryStaysAsLongAsTheProcess) {
         dlclose(handle);
     }
     EXPECT_TRUE(isMapped());
-    EXPECT_TRUE(filter->guaranteesLimits());
+    EXPECT_TRUE(filter->traits().guarantees.hasJoints());
     filter.reset();
     EXPECT_TRUE(isMapped());
 }

@@ -136,7 +136,7 @@ class KnowingController : public NominalController {
 public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    bool follows(MotionCommand::Space) const override { return true; }
+    ControllerTraits traits() const override { return {true, true}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         tick = input.tick;
         const double phase = 3.0 * input.tick.time_s;
@@ -169,7 +169,7 @@ public:
         applied = torque;
         return TickStatus::Ok;
     }
-    bool hasClock() const override { return ticks; }
+    PlantTraits traits() const override { return {Encoder::Counts, 0, {}, ticks}; }
     TickStatus read(std::int64_t& ticksPassed) override {
         ticksPassed = reads < script.size() ? script[reads] : 1;
         ++reads;

@@ -163,7 +163,7 @@ public:
     FailingController(PluginPtr<NominalController> works, int calls) : works_(std::move(works)), calls_(calls) {}
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override { works_->reset(start); }
-    bool follows(MotionCommand::Space space) const override { return works_->follows(space); }
+    ControllerTraits traits() const override { return works_->traits(); }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         return --calls_ < 0 ? TickStatus::Faulted : works_->compute(input, output);
     }

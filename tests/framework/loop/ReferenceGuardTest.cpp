@@ -232,7 +232,7 @@ TEST(ReferenceGuard, KeepsClearOfWhatStandsAroundAndMayCome) {
     guard.step(low);
     for (int k = 0; k < 6000; ++k) {
         guard.step();
-        least = std::min(least, guard.record().clearance.distance);
+        least = std::min(least, guard.record().reports[LimitKind::Clearance].margin);
     }
     EXPECT_GE(least, options.environment->safetyDistance_m - 1e-9);
     EXPECT_LT(least, 0.1);
@@ -363,8 +363,8 @@ TEST(ReferenceGuard, SurroundingsMayComeFromAnotherThread) {
     EXPECT_EQ(guard.stopReason(), GuardStop::None) << guard.stopMessage();
     guard.start(atRest(robot.home));  // time begins anew, the surroundings stay
     guard.step(target);
-    EXPECT_TRUE(guard.record().clearance.isKnown);
-    EXPECT_GE(guard.record().mapAge_s, 0.0);
+    EXPECT_TRUE(guard.record().reports[LimitKind::Clearance].isKnown);
+    EXPECT_GE(guard.record().reports[LimitKind::Clearance].age_s, 0.0);
 }
 
 TEST(ReferenceGuard, WhatIsWrongIsSaidWithItsPlace) {

@@ -52,7 +52,7 @@ public:
         return status;
     }
     void holdIntegral() override { nric_.holdIntegral(); }
-    const LinearErrorLoop* errorLoop() const override { return nric_.errorLoop(); }
+    RobustTraits traits() const override { return nric_.traits(); }
 
     Failure failure = Failure::Throws;
     int failsAt = -1;
@@ -71,7 +71,7 @@ struct HeardCase {
         heard.configure(configured->setup, configured->plan.robustLoop->parameters);
         configured->plugins.robustLoop = PluginPtr<RobustLoop>(&heard, [](void*) {});
         options.motorRate = configured->motorRate;
-        options.robustRate = heard.errorLoop()->torqueRate;
+        options.robustRate = heard.traits().errorLoop->torqueRate;
         if (wrapPlant) configured->plugins.realPlant = wrapPlant(std::move(configured->plugins.realPlant));
         loop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins), options);
     }
@@ -167,7 +167,7 @@ public:
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         return plant_->advance(torque, applied);
     }
-    bool hasClock() const override { return true; }
+    PlantTraits traits() const override { return {Encoder::Counts, 0, {}, true}; }
     TickStatus read(std::int64_t& ticksPassed) override {
         ticksPassed = isFirst_ ? kFirst : 1;
         isFirst_ = false;

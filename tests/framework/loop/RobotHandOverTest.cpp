@@ -18,7 +18,7 @@ public:
     void reset(const MotionState& start) override { plant_->reset(start); }
     const JointState& measured() const override { return plant_->measured(); }
     const JointState& actual() const override { return plant_->actual(); }
-    bool hasClock() const override { return true; }
+    PlantTraits traits() const override { return {Encoder::Counts, 0, {}, true}; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         ++advances;
         JointVector given = torque;

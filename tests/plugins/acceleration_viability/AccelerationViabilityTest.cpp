@@ -315,7 +315,7 @@ TEST_F(AccelerationViabilityTest, LoadsAsALibrary) {
     TestArm arm("indy7");
     const auto plugin =
         PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "acceleration_viability"));
-    EXPECT_FALSE(plugin->guaranteesLimits());
+    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
     AccelerationViability own;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), read(arm, ""));

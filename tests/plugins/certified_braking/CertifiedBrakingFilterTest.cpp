@@ -400,7 +400,7 @@ JointLimits widen(JointLimits limits, const std::vector<Extent>& extents) {
 stop from the start does; from then on all limits hold. */
 int expectReturn(TestArm& arm, double push, int ticks) {
     FilteredArm run(arm, "recovery: true");
-    EXPECT_TRUE(run.filter().recovers());
+    EXPECT_TRUE(run.filter().traits().recovers);
     std::vector<Extent> stops;
     for (int i = 0; i < arm.size(); ++i) {
         GridStop stop;
@@ -802,8 +802,8 @@ TEST(CertifiedBraking, LoadsAsALibrary) {
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), read(arm, ""));
         filter->reset(arm.start);
-        EXPECT_TRUE(filter->guaranteesLimits());
-        EXPECT_FALSE(filter->recovers());
+        EXPECT_TRUE(filter->traits().guarantees.hasJoints());
+        EXPECT_FALSE(filter->traits().recovers);
     }
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);

@@ -33,7 +33,7 @@ TEST(GeneratedHandMotion, BeginsExactlyAtTheStartPoseAtRest) {
     for (int seed = 0; seed < 20; ++seed) {
         GeneratedHandMotion source;
         bench.configure(source, "seed: " + std::to_string(seed));
-        EXPECT_EQ(source.space(), MotionCommand::Space::Tool);
+        EXPECT_EQ(source.traits().space, MotionCommand::Space::Tool);
         const MotionCommand command = sampleAt(source, 0.0);
         EXPECT_EQ(command.tool.position, bench.tool.position);
         EXPECT_EQ(command.tool.orientation.coeffs(), bench.tool.orientation.coeffs());

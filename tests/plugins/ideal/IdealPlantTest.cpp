@@ -58,7 +58,7 @@ TEST(IdealPlant, RefusesTorqueThatIsNotFiniteAndStaysAsItWas) {
     EXPECT_EQ(plant.actual().q, before.q);
     ASSERT_NE(plant.externalTorque(), nullptr);
     EXPECT_EQ(*plant.externalTorque(), JointVector::Zero(6));
-    EXPECT_FALSE(plant.hasClock());
+    EXPECT_FALSE(plant.traits().hasClock);
 }
 
 }  // namespace

@@ -100,8 +100,8 @@ TEST_P(JointPdTest, EachJointMayHaveItsOwnGains) {
 
 TEST_P(JointPdTest, RefusesToolSpaceAndWhatIsNotFinite) {
     configure("");
-    EXPECT_TRUE(controller_.follows(MotionCommand::Space::Joint));
-    EXPECT_FALSE(controller_.follows(MotionCommand::Space::Tool));
+    EXPECT_TRUE(controller_.traits().follows(MotionCommand::Space::Joint));
+    EXPECT_FALSE(controller_.traits().follows(MotionCommand::Space::Tool));
     drawInputs();
     const Dynamics dynamics = arm_.calcDynamics(state_);
     ControllerOutput output{JointVector::Constant(n(), 7.0), {}, false};

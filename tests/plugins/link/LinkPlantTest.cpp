@@ -240,8 +240,8 @@ TEST_P(LinkOver, AnArmIsDrivenAndEachRunBeginsAnew) {
     TestRobot robot(GetParam());
     LinkPlant plant;
     bench.configure(plant, say(robot));
-    EXPECT_TRUE(plant.hasClock());
-    EXPECT_EQ(plant.delayTicks(), 1);
+    EXPECT_TRUE(plant.traits().hasClock);
+    EXPECT_EQ(plant.traits().delayTicks, 1);
     EXPECT_EQ(plant.externalTorque(), nullptr);
     RobotModel model(bench.setup().robot);
     EXPECT_NEAR((plant.measured().q - bench.state().q).norm(), 0.0, 1e-12);
@@ -381,15 +381,15 @@ TEST(LinkPlant, TorquesAreCutAtTheMotorsAndChangeAsFastAsTheRobotAccepts) {
     {
         LinkPlant plant;
         bench.configure(plant, say(robot, "motor_rate_Nmps: 1000"));
-        ASSERT_EQ(plant.motorRate().size(), 2);
-        EXPECT_EQ(plant.motorRate()[0], 1000.0);
+        ASSERT_EQ(plant.traits().motorRate.size(), 2);
+        EXPECT_EQ(plant.traits().motorRate[0], 1000.0);
         ASSERT_EQ(plant.read(passed), TickStatus::Ok);
         ASSERT_EQ(plant.advance(bench.dynamics().gravity.array() + 50.0, applied), TickStatus::Ok);
         EXPECT_NEAR(applied[0], bench.dynamics().gravity[0] + 1.0, 1e-9);
     }
     LinkPlant other;
     bench.configure(other, say(robot));
-    EXPECT_EQ(other.motorRate().size(), 0);
+    EXPECT_EQ(other.traits().motorRate.size(), 0);
     ASSERT_EQ(other.read(passed), TickStatus::Ok);
     ASSERT_EQ(other.advance(JointVector::Constant(2, 1e5), applied), TickStatus::Ok);
     EXPECT_EQ(applied, bench.setup().robot.actuation.torqueLimit);

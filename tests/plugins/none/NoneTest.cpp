@@ -60,7 +60,7 @@ TEST_F(NoneTest, LoadsAsALibrary) {
     JointVector torque;
     ASSERT_EQ(plugin->compute(real_, arm_.start, filterTorque_, torque), TickStatus::Ok);
     EXPECT_EQ(torque, JointVector::Zero(arm_.size()));
-    EXPECT_EQ(plugin->errorLoop(), nullptr);  // no tracking bound is known
+    EXPECT_FALSE(plugin->traits().errorLoop);  // no tracking bound is known
 }
 
 TEST_F(NoneTest, HasNoParameters) {

@@ -450,8 +450,8 @@ TEST_F(NricTest, RefusesNegativeGainsAndListsOfTheWrongLength) {
 
 TEST_F(NricTest, TellsTheLinearLawThatATrackingBoundFollowsFrom) {
     configure("k_r: 30, k_p: 4, k_i: 2, integral_limit_Nm: 7");
-    const LinearErrorLoop* loop = loop_.errorLoop();
-    ASSERT_NE(loop, nullptr);
+    const std::optional<LinearErrorLoop> loop = loop_.traits().errorLoop;
+    ASSERT_TRUE(loop);
     EXPECT_EQ(loop->kr, constant(30.0));
     EXPECT_EQ(loop->kp, constant(4.0));
     EXPECT_EQ(loop->ki, constant(2.0));

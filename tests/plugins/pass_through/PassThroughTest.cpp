@@ -124,7 +124,7 @@ TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
 
 TEST_P(PassThroughTest, LoadsAsALibrary) {
     const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "pass_through"));
-    EXPECT_FALSE(plugin->guaranteesLimits());
+    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
     plugin->configure(arm_.setup(), arm_.read(PluginKind::SafetyFilter, "pass_through", ""));
     plugin->reset(arm_.start);
     const MotionState state = makeRandomState(arm_, random_);

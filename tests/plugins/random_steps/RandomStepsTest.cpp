@@ -36,7 +36,7 @@ std::string findComplaint(const CommandBench& bench, const std::string& text) {
 TEST(RandomSteps, HoldsPositionsForTimesInTheRangeAndGoesBeyondTheLimitsAsOftenAsAsked) {
     const CommandBench bench(3000.0);
     Source source(bench, "seed: 3, shortest_s: 0.5, longest_s: 3, beyond_share: 0.3, beyond_rad: 0.5");
-    EXPECT_EQ(source.space(), MotionCommand::Space::Joint);
+    EXPECT_EQ(source.traits().space, MotionCommand::Space::Joint);
     const RunSetup setup = makeSetup(bench);
     int steps[3] = {}, below[3] = {}, above[3] = {}, together = 0;
     double since[3] = {}, shortest = 1e9, longest = 0.0;

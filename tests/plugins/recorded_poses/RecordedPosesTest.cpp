@@ -228,7 +228,7 @@ TEST_F(RecordedPosesTest, ReadsCsvByColumnNames) {
 TEST_F(RecordedPosesTest, BeginsExactlyAtTheStartPoseAtRest) {
     RecordedPoses source;
     configure(source, write(record(hand, 5.0)), ", start_s: 1.3, scale: 0.7");
-    EXPECT_EQ(source.space(), MotionCommand::Space::Tool);
+    EXPECT_EQ(source.traits().space, MotionCommand::Space::Tool);
     const MotionCommand command = sampleAt(source, 0.0);
     EXPECT_EQ(command.tool.position, bench_.tool.position);
     EXPECT_EQ(command.tool.orientation.coeffs(), bench_.tool.orientation.coeffs());

@@ -329,8 +329,8 @@ TEST_F(TaskSpacePdTest, WorksForAnArmWithOneJoint) {
 
 TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
     configure("");
-    EXPECT_TRUE(controller_.follows(MotionCommand::Space::Tool));
-    EXPECT_FALSE(controller_.follows(MotionCommand::Space::Joint));
+    EXPECT_TRUE(controller_.traits().follows(MotionCommand::Space::Tool));
+    EXPECT_FALSE(controller_.traits().follows(MotionCommand::Space::Joint));
     const Dynamics d = arm_.calcDynamics(arm_.start);
     const MotionCommand good = holdAt(d.tool);
     ControllerOutput output{JointVector::Constant(6, 7.0), {}, false};

@@ -413,7 +413,7 @@ TEST(Teleoperation, MissedTicksAreHeldLikeSilence) {
 
 TEST(Teleoperation, SlidersMoveTheJointsFromWhereTheyAre) {
     Bench bench("space: joint");
-    EXPECT_EQ(bench.source().space(), MotionCommand::Space::Joint);
+    EXPECT_EQ(bench.source().traits().space, MotionCommand::Space::Joint);
     HandMessage& hand = bench.hand();
     hand.engagement = 1;
     hand.joints[2] = 0.4;  // latched

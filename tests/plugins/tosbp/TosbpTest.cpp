@@ -421,7 +421,7 @@ TEST(Tosbp, ResetGivesTheSameAnswersAgain) {
 TEST(Tosbp, LoadsAsALibrary) {
     TestArm arm("indy7");
     const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "tosbp"));
-    EXPECT_FALSE(plugin->guaranteesLimits());
+    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
     Tosbp own;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), read(arm, ""));

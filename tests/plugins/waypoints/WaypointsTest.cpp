@@ -59,7 +59,7 @@ TEST(Waypoints, HoldJumpsAtThePoints) {
     const CommandBench bench;
     Waypoints source;
     bench.configure(source, kThreePoints + std::string(", interpolation: hold"));
-    EXPECT_EQ(source.space(), MotionCommand::Space::Joint);
+    EXPECT_EQ(source.traits().space, MotionCommand::Space::Joint);
     const std::pair<double, JointVector> expected[] = {
         {0.0, joints(0, 1, 2)},  {0.499, joints(0, 1, 2)},  {0.5, joints(0, 1, 2)},   {0.999, joints(0, 1, 2)},
         {1.0, joints(1, 0, -2)}, {1.999, joints(1, 0, -2)}, {2.0, joints(3, 0.5, 0)}, {1e6, joints(3, 0.5, 0)},

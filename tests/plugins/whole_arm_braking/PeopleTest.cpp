@@ -70,11 +70,11 @@ PersonObservation seeBall(double x, double radius) {
 TEST(Fault89, TheArmRestsUntilSomebodyTellsOfPeople) {
     SwingingArm arm;
     EXPECT_EQ(arm.swing(nullptr), 0.0);
-    EXPECT_FALSE(arm.decision.separation.isKept) << "nobody knows";
+    EXPECT_FALSE(arm.decision.reports[LimitKind::Separation].isKept) << "nobody knows";
     EXPECT_EQ(arm.decision.joints[0].limit, LimitKind::Separation);
     const PeopleObservation nobody;
     EXPECT_GT(arm.swing(&nobody), 0.1);
-    EXPECT_TRUE(arm.decision.separation.isKept);
+    EXPECT_TRUE(arm.decision.reports[LimitKind::Separation].isKept);
 }
 
 TEST(Fault89, TheArmRestsWhileSomebodyUnknownCannotBeToldOf) {
@@ -86,12 +86,12 @@ TEST(Fault89, TheArmRestsWhileSomebodyUnknownCannotBeToldOf) {
         refused.people[1] = seeBall(20.0, 0.1);
         if (hasStranger) refused.people[5] = seeBall(20.0, kNan);  // nobody of that index
         EXPECT_EQ(arm.swing(&refused), 0.0) << hasStranger;
-        EXPECT_GT(arm.decision.separation.faults.refused, 400);
+        EXPECT_GT(arm.decision.peopleFaults.refused, 400);
         PeopleObservation seen = refused;
         seen.people[0] = seeBall(20.0, 0.1);
         seen.people[5] = {};
         EXPECT_GT(arm.swing(&seen), 0.1) << hasStranger;
-        EXPECT_TRUE(arm.decision.separation.isKept);
+        EXPECT_TRUE(arm.decision.reports[LimitKind::Separation].isKept);
     }
 }
 

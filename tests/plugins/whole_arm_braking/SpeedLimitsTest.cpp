@@ -10,7 +10,7 @@
 #include <random>
 
 #include "TestArm.h"
-#include "summary/SpeedCounter.h"
+#include "limits/PointSpeedLimit.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"
@@ -30,7 +30,7 @@ public:
         state = {robot.home, JointVector::Zero(n), JointVector::Zero(n)};
         options_ = options;
         const ArmGeometry geometry = loadArmGeometry(robot);
-        judge.emplace(robot, &geometry, false);
+        judge.emplace(robot, &geometry);
     }
     void configure() {
         model_.calcDynamics(state.q, state.qd, dynamics);
@@ -62,7 +62,7 @@ public:
     }
 
     RobotDescription robot;
-    std::optional<detail::SpeedCounter> judge;
+    std::optional<detail::PointSpeedLimit> judge;
     WholeArmBrakingFilter filter;
     MotionState state;
     Dynamics dynamics;
@@ -81,7 +81,7 @@ TEST(SpeedLimits, TheArmRunsAtTheLimitInsteadOfStopping) {
         limits.arm = 0.25;
         LimitedArm arm(limits, {}, robot);
         arm.configure();
-        EXPECT_TRUE(arm.filter.guaranteesSpeed());
+        EXPECT_TRUE(arm.filter.traits().guarantees.has(LimitKind::Speed));
         std::mt19937 random(3);
         JointVector goal;
         double most = 0.0;
@@ -93,7 +93,7 @@ TEST(SpeedLimits, TheArmRunsAtTheLimitInsteadOfStopping) {
             ASSERT_LE(status, FilterStatus::StoppedByPlan);
             const double use = arm.use();
             most = std::max(most, use);
-            EXPECT_TRUE(arm.decision.speed.isKnown);
+            EXPECT_TRUE(arm.decision.reports[LimitKind::Speed].isKnown);
             stopped += status == FilterStatus::StoppedByPlan;
             acting += arm.acts(LimitKind::Speed);
             // The law's own speed: a spring far from its goal asks for far more than 0.25 m/s.
@@ -136,11 +136,11 @@ TEST(SpeedLimits, OutsideOfItsRegionsAnArmIsKnownToBeFree) {
     goal[0] += 1.0;
     for (int tick = 0; tick < 300; ++tick) {
         arm.goTo(goal, 100.0);
-        ASSERT_TRUE(arm.decision.speed.isKnown) << tick;
+        ASSERT_TRUE(arm.decision.reports[LimitKind::Speed].isKnown) << tick;
         ASSERT_FALSE(arm.acts(LimitKind::Speed)) << tick;
     }
-    EXPECT_GT(arm.decision.speed.speed, 0.1);
-    EXPECT_TRUE(std::isinf(arm.decision.speed.limit));
+    EXPECT_GT(arm.decision.reports[LimitKind::Speed].value, 0.1);
+    EXPECT_TRUE(std::isinf(arm.decision.reports[LimitKind::Speed].limit));
 }
 
 // Without the filter's steering it is kept just as well.
@@ -183,7 +183,7 @@ TEST(SpeedLimits, ARegionIsEnteredSlowly) {
     int inside = 0, insideAtLimit = 0, tick = 0;
     for (; tick < 30000 && arm.state.q[0] < goal[0] - 0.05; ++tick) {
         arm.goTo(goal, 100.0);
-        const detail::SpeedCounter::Fastest found = arm.judge->find(arm.state.q, arm.state.qd);
+        const detail::PointSpeedLimit::Fastest found = arm.judge->find(arm.state.q, arm.state.qd);
         most = std::max(most, found.use);
         fastest = std::max(fastest, found.speed);
         const bool isInside = found.use > 0.0 && found.speed / found.use < 0.1;
@@ -216,7 +216,7 @@ TEST(SpeedLimits, TheToolAloneIsLimited) {
     }
     EXPECT_LE(most, 0.1 * (1.0 + 1e-9));  // a mean over a tick is not above the largest
     EXPECT_GT(most, 0.095);
-    EXPECT_EQ(arm.decision.speed.link, -1);
+    EXPECT_EQ(arm.decision.reports[LimitKind::Speed].link, -1);
 }
 
 TEST(SpeedLimits, AStartThatIsTooFastIsRefusedOrSlowedDown) {
@@ -236,7 +236,7 @@ TEST(SpeedLimits, AStartThatIsTooFastIsRefusedOrSlowedDown) {
     LimitedArm slowed(limits, options);
     slowed.state.qd[0] = 1.0;
     slowed.configure();
-    EXPECT_FALSE(slowed.filter.guaranteesSpeed());
+    EXPECT_FALSE(slowed.filter.traits().guarantees.has(LimitKind::Speed));
     JointVector goal = slowed.robot.home;
     goal[0] += 1.0;
     double first = slowed.use(), most = first;

@@ -390,11 +390,11 @@ TEST(WholeArmBraking, TheClearanceItTellsIsALowerBoundInItsTick) {
             const double before = arm.judge();
             arm.goTo(goal);
             const double least = std::min(before, arm.judge());
-            if (!arm.decision.clearance.isKnown || least >= 0.4) continue;
-            tooMuch = std::max(tooMuch, arm.decision.clearance.distance - least);
+            if (!arm.decision.reports[LimitKind::Clearance].isKnown || least >= 0.4) continue;
+            tooMuch = std::max(tooMuch, arm.decision.reports[LimitKind::Clearance].margin - least);
             if (least > 0.05) continue;
             ++near;
-            below += least - arm.decision.clearance.distance;
+            below += least - arm.decision.reports[LimitKind::Clearance].margin;
         }
     }
     std::printf(
@@ -427,11 +427,11 @@ TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
         ASSERT_TRUE(status == FilterStatus::StoppedByPlan || status == FilterStatus::Modified ||
                     status == FilterStatus::Passed)
             << tick;
-        const Clearance& clearance = arm.decision.clearance;
-        if (clearance.distance < 0.0) {
-            EXPECT_EQ(clearance.obstacle, 0) << tick;
+        const LimitReport& clearance = arm.decision.reports[LimitKind::Clearance];
+        if (clearance.margin < 0.0) {
+            EXPECT_EQ(clearance.other, 0) << tick;
         }
-        reported = std::min(reported, clearance.distance);
+        reported = std::min(reported, clearance.margin);
         deepest = std::min(deepest, arm.judge());
     }
     EXPECT_LT(reported, 0.0) << "it tells that it is in collision";
@@ -491,7 +491,8 @@ TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) 
             if (!isThere) continue;
             CollisionJudge judge(arm.robot(), arm.geometry, now);
             const bool touches = judge.findContact(q, arm.t, 0.5).distance < -1e-6;
-            const bool tells = arm.decision.clearance.isKnown && arm.decision.clearance.distance < 0.0;
+            const bool tells = arm.decision.reports[LimitKind::Clearance].isKnown &&
+                               arm.decision.reports[LimitKind::Clearance].margin < 0.0;
             touched += touches;
             told += touches && tells;
             falselyTold += tells && judge.findContact(q, arm.t, 0.5).distance > now.safetyDistance_m;
@@ -518,12 +519,12 @@ TEST(Fault61, SurroundingsTooLongAgoStopTheArmUntilNewerOnesCome) {
     const JointVector there = turned(arm.robot().home, 0, 2.0);
     for (int tick = 0; tick < 1000; ++tick) arm.goTo(there);
     EXPECT_EQ(arm.state.qd.lpNorm<Eigen::Infinity>(), 0.0);
-    EXPECT_GT(arm.decision.mapAge_s, 0.9);
+    EXPECT_GT(arm.decision.reports[LimitKind::Clearance].age_s, 0.9);
     const double stoppedAt = arm.state.q[0];
     for (int tick = 0; tick < 500; ++tick) {
         if (tick % 100 == 0) arm.feed.put(ArmAmongObstacles::makeSurroundings({}), arm.t);
         arm.goTo(there);
-        EXPECT_LE(arm.decision.mapAge_s, 0.2);
+        EXPECT_LE(arm.decision.reports[LimitKind::Clearance].age_s, 0.2);
     }
     EXPECT_GT(arm.state.q[0], stoppedAt + 0.05);
 }

@@ -80,8 +80,9 @@ TEST(Forecast, RobotsThatDifferShareNoMargins) {
     EXPECT_EQ(again->margins->gain, first->margins->gain);
     plan.robot.actuation.rotorInertia *= 1.5;
     const auto other = configureTracking(plan);
-    EXPECT_EQ(other->margins->gain,
-              calcMargins(plan.robot, plan.limits, plan.tick_s, 0, *other->plugins.robustLoop->errorLoop()).gain);
+    EXPECT_EQ(
+        other->margins->gain,
+        calcMargins(plan.robot, plan.limits, plan.tick_s, 0, *other->plugins.robustLoop->traits().errorLoop).gain);
     EXPECT_NE(other->margins->gain, first->margins->gain);
 }
 
@@ -272,7 +273,7 @@ public:
     explicit Place(const Pose& pose) : pose_(pose) {}
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    MotionCommand::Space space() const override { return MotionCommand::Space::Tool; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double, MotionCommand& out) override {
         out.space = MotionCommand::Space::Tool;
         out.tool = pose_;

@@ -190,20 +190,20 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
         touching += touches;
         near += isNear;
     }
-    ASSERT_TRUE(result.summary.collisions());
-    const CollisionRecord& nominal = result.summary.collisions()->nominal;
+    ASSERT_TRUE(result.summary.account(LimitKind::Clearance));
+    const ArmLimitRecord& nominal = result.summary.account(LimitKind::Clearance)->nominal;
     EXPECT_GT(touching, 300);
-    EXPECT_EQ(nominal.ticksInCollision, touching);
-    EXPECT_EQ(nominal.ticksTooNear, near);
+    EXPECT_EQ(nominal.brokenTicks, touching);
+    EXPECT_EQ(nominal.nearTicks, near);
     EXPECT_GT(near, touching);
-    EXPECT_NEAR(nominal.leastClearance, least, 1e-8);
-    EXPECT_EQ(nominal.penetration(), -nominal.leastClearance);
-    ASSERT_TRUE(nominal.firstCollision_s);
-    EXPECT_NEAR(*nominal.firstCollision_s, first, 1e-9);
-    EXPECT_EQ(nominal.link, "link1");
-    EXPECT_EQ(nominal.obstacle, "wall");
+    EXPECT_NEAR(nominal.worst, least, 1e-8);
+    EXPECT_EQ(nominal.depth(), -nominal.worst);
+    ASSERT_TRUE(nominal.firstBroken_s);
+    EXPECT_NEAR(*nominal.firstBroken_s, first, 1e-9);
+    EXPECT_EQ(nominal.part, "link1");
+    EXPECT_EQ(nominal.other, "wall");
     EXPECT_EQ(nominal.otherLink, "");
-    EXPECT_FALSE(result.summary.collisions()->real);
+    EXPECT_FALSE(result.summary.account(LimitKind::Clearance)->real);
 
     EXPECT_EQ(result.exitCode(), 0);  // nothing was guaranteed
     expectContains(formatVerdict(result), {"; the nominal arm collided: link1 ", " mm deep in wall"});
@@ -214,7 +214,7 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
         nlohmann::json::parse(writeSummaryJson(e.title, e.file, {result}))["cases"][0]["collisions"];
     EXPECT_EQ(json["nominal"]["ticks_in_collision"], touching);
     EXPECT_EQ(json["nominal"]["ticks_too_near"], near);
-    EXPECT_EQ(json["nominal"]["penetration_m"], nominal.penetration());
+    EXPECT_EQ(json["nominal"]["penetration_m"], nominal.depth());
     EXPECT_EQ(json["nominal"]["obstacle"], "wall");
     EXPECT_TRUE(json["nominal"]["other_link"].is_null() && json["real"].is_null());
     EXPECT_EQ(json["safety_distance_m"], 0.02);
@@ -223,7 +223,7 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
 TEST(Collisions, WithoutAnEnvironmentNothingIsSaidOfThem) {
     const Experiment e = readTestExperiment(kOneJoint, {"duration_s=0.1"});
     const CaseResult result = runCase(configureCase(e.cases[0]), {});
-    EXPECT_FALSE(result.summary.collisions());
+    EXPECT_FALSE(result.summary.account(LimitKind::Clearance));
     for (const std::string& text : {formatComparison({result}), formatDetails(result)})
         for (const char* word : {"clearance", "collision"}) EXPECT_EQ(text.find(word), std::string::npos) << text;
     EXPECT_TRUE(nlohmann::json::parse(writeSummaryJson(e.title, e.file, {result}))["cases"][0]["collisions"].is_null());
@@ -233,7 +233,7 @@ TEST(Collisions, NothingNearIsNoCollision) {
     const Experiment e = readTestExperiment(
         kOneJoint, {"duration_s=0.1", "environment={obstacles: {ball: {sphere: 1, at: {xyz: [9, 0, 0]}}}}"});
     const CaseResult result = runCase(configureCase(e.cases[0]), {});
-    EXPECT_EQ(result.summary.collisions()->nominal.leastClearance, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(result.summary.account(LimitKind::Clearance)->nominal.worst, std::numeric_limits<double>::infinity());
     expectContains(formatDetails(result), {"; no collision\n", "nominal: in collision in 0 ticks, nothing within 1 m"});
     expectContains(formatComparison({result}), {"> 1000"});
 }
@@ -248,14 +248,14 @@ TEST(Collisions, AMovingSphereIsJudgedWhereItIsThen) {
         readTestExperiment(kOneJoint, atRest("{ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.5, -1, 0]}, "
                                              "{time_s: 2, xyz: [0.5, 1, 0]}]}}"));
     const CaseResult result = runCase(configureCase(e.cases[0]), {});
-    const CollisionRecord& nominal = result.summary.collisions()->nominal;
+    const ArmLimitRecord& nominal = result.summary.account(LimitKind::Clearance)->nominal;
     // At 1 m/s it touches while its centre is within 0.12 m of the rod's axis, and is near within 0.14 m.
-    EXPECT_NEAR(static_cast<double>(nominal.ticksInCollision), 240.0, 1.0);
-    EXPECT_NEAR(static_cast<double>(nominal.ticksTooNear), 280.0, 1.0);
-    EXPECT_NEAR(*nominal.firstCollision_s, 0.88, 0.001);
-    EXPECT_NEAR(nominal.leastClearance, -0.12, 1e-8);
-    EXPECT_NEAR(nominal.leastClearance_s, 1.0, 1e-9);
-    EXPECT_EQ(nominal.obstacle, "ball");
+    EXPECT_NEAR(static_cast<double>(nominal.brokenTicks), 240.0, 1.0);
+    EXPECT_NEAR(static_cast<double>(nominal.nearTicks), 280.0, 1.0);
+    EXPECT_NEAR(*nominal.firstBroken_s, 0.88, 0.001);
+    EXPECT_NEAR(nominal.worst, -0.12, 1e-8);
+    EXPECT_NEAR(nominal.worst_s, 1.0, 1e-9);
+    EXPECT_EQ(nominal.other, "ball");
 }
 
 TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
@@ -264,10 +264,11 @@ TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
         kOneJoint, with(atRest("{ball: {sphere: 0.1, path: [{time_s: 0.4, xyz: [0.5, -0.2, 0]}, {time_s: 0.42, "
                                "xyz: [0.5, 0.2, 0]}]}}"),
                         {"tick_s=0.02", "filter={plugin: pass_through}"}));
-    const CollisionRecord nominal = runCase(configureCase(e.cases[0]), {}).summary.collisions()->nominal;
-    EXPECT_EQ(nominal.ticksInCollision, 1);
-    EXPECT_NEAR(*nominal.firstCollision_s, 0.41, 1e-9);
-    EXPECT_NEAR(nominal.leastClearance, -0.12, 1e-8);
+    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const ArmLimitRecord& nominal = result.summary.account(LimitKind::Clearance)->nominal;
+    EXPECT_EQ(nominal.brokenTicks, 1);
+    EXPECT_NEAR(*nominal.firstBroken_s, 0.41, 1e-9);
+    EXPECT_NEAR(nominal.worst, -0.12, 1e-8);
 }
 
 TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
@@ -277,13 +278,13 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
                     "environment={obstacles: {wall: {half_space: {normal: [0, -1, 0], offset: -0.12}}}}",
                     "real_plant={plugin: simbody, push_Nm: 4, push_from_s: 0, push_until_s: 1}"});
     const CaseResult result = runCase(configureCase(e.cases[0]), {});
-    const Collisions& collisions = *result.summary.collisions();
-    EXPECT_EQ(collisions.nominal.ticksInCollision, 0);
-    EXPECT_NEAR(collisions.nominal.leastClearance, 0.1, 1e-8);
+    const LimitAccount& collisions = *result.summary.account(LimitKind::Clearance);
+    EXPECT_EQ(collisions.nominal.brokenTicks, 0);
+    EXPECT_NEAR(collisions.nominal.worst, 0.1, 1e-8);
     ASSERT_TRUE(collisions.real);
-    EXPECT_GT(collisions.real->ticksInCollision, 200);
+    EXPECT_GT(collisions.real->brokenTicks, 200);
     // q = 4 t^2 / 2, and the wall where sin(q) is 0.1.
-    EXPECT_NEAR(*collisions.real->firstCollision_s, std::sqrt(std::asin(0.1) / 2.0), 0.002);
+    EXPECT_NEAR(*collisions.real->firstBroken_s, std::sqrt(std::asin(0.1) / 2.0), 0.002);
     expectContains(formatVerdict(result), {"; the real arm collided: link1 "});
     EXPECT_EQ(formatVerdict(result).find("the nominal arm collided"), std::string::npos);
     expectContains(formatDetails(result), {"real: in collision in "});
@@ -300,9 +301,9 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
         return SweepValue();
     };
     EXPECT_EQ(find(row, "collision.ticks"), SweepValue(std::int64_t{0}));
-    EXPECT_EQ(find(row, "collision.least_clearance_m"), SweepValue(collisions.nominal.leastClearance));
-    EXPECT_EQ(find(row, "real.collision.ticks"), SweepValue(collisions.real->ticksInCollision));
-    EXPECT_EQ(find(row, "real.collision.ticks_too_near"), SweepValue(collisions.real->ticksTooNear));
+    EXPECT_EQ(find(row, "collision.least_clearance_m"), SweepValue(collisions.nominal.worst));
+    EXPECT_EQ(find(row, "real.collision.ticks"), SweepValue(collisions.real->brokenTicks));
+    EXPECT_EQ(find(row, "real.collision.ticks_too_near"), SweepValue(collisions.real->nearTicks));
     for (const char* name : {"collision.ticks", "real.collision.least_clearance_m"})
         EXPECT_TRUE(std::holds_alternative<std::monostate>(find(empty, name))) << name;
 }
@@ -324,10 +325,10 @@ TEST(Collisions, UnderAGuaranteeAndAClearanceTheyBreakTheGuarantee) {
         SCOPED_TRACE(std::string(run.ball) + ", " + run.clearanceTicks);
         const Experiment e = readTestExperiment(kOneJoint, swing(run.ball, run.clearanceTicks));
         const CaseResult result = runCase(configureCase(e.cases[0]), {});
-        const bool collides = result.summary.collisions()->nominal.ticksInCollision > 0;
+        const bool collides = result.summary.account(LimitKind::Clearance)->nominal.brokenTicks > 0;
         EXPECT_EQ(collides, std::string(run.ball) == "[0.8, 0.13, 0]");
-        EXPECT_TRUE(result.guarantees);
-        EXPECT_EQ(result.isClearanceGuaranteeBroken(), run.isBroken);
+        EXPECT_TRUE(result.guarantees.hasJoints());
+        EXPECT_EQ(result.brokenGuarantees().has(LimitKind::Clearance), run.isBroken);
         EXPECT_EQ(result.exitCode(), run.isBroken ? 3 : 0);
         EXPECT_EQ(getSweepStatus(result), run.isBroken ? SweepStatus::GuaranteeBroken : SweepStatus::Ok);
         EXPECT_EQ(formatBreach(result).empty(), !run.isBroken);
@@ -348,19 +349,19 @@ TEST(ClearanceLog, HoldsWhatTheFilterSaysAndNothingStale) {
     ASSERT_EQ(rows.size(), 500u);
     for (std::size_t k = 0; k < rows.size(); ++k) {
         SCOPED_TRACE(k);
-        const Clearance& c = rows[k].clearance;
+        const LimitReport& c = rows[k].reports[LimitKind::Clearance];
         // The fixture counts missed ticks, too, in which the arm follows the stop and nobody has looked.
         const bool isMissed = k >= 100 && k < 150;
         ASSERT_EQ(rows[k].missed, isMissed);
         ASSERT_EQ(c.isKnown, k < 300 && !isMissed);
-        ASSERT_EQ(rows[k].mapAge_s, c.isKnown ? 0.125 : 0.0);
+        ASSERT_EQ(c.age_s, c.isKnown ? 0.125 : 0.0);
         ASSERT_EQ(c.link, c.isKnown ? 0 : -1);
-        ASSERT_EQ(c.obstacle, c.isKnown ? 0 : -1);
+        ASSERT_EQ(c.other, c.isKnown ? 0 : -1);
         ASSERT_EQ(c.otherLink, -1);
         if (!c.isKnown) continue;
-        ASSERT_EQ(c.distance, 0.25);
+        ASSERT_EQ(c.margin, 0.25);
         ASSERT_EQ(c.onArm, Eigen::Vector3d(1, 2, 3));
-        ASSERT_EQ(c.onObstacle, Eigen::Vector3d(4, 5, 6));
+        ASSERT_EQ(c.onOther, Eigen::Vector3d(4, 5, 6));
     }
     const LogReader reader(options.log);
     EXPECT_EQ(reader.metadata().at("links"), R"(["link1"])");
@@ -374,7 +375,7 @@ TEST(ClearanceLog, IsNotThereWithoutAnEnvironment) {
     options.log = folder / "run.mcap";
     runCase(configureCase(readTestExperiment(kOneJoint, {"duration_s=0.05"}).cases[0]), options);
     const LogReader reader(options.log);
-    EXPECT_FALSE(reader.layout().hasEnvironment);
+    EXPECT_FALSE(reader.layout().limits.has(LimitKind::Clearance));
     EXPECT_EQ(reader.metadata().count("obstacles"), 0u);
 }
 

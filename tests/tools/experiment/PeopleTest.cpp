@@ -42,17 +42,17 @@ TEST(PeopleKeys, ABodyPartMayBeTouchedAtWhatTheArmsMassAllows) {
     const double expected = calcContactSpeed(BodyPart::Hand, plan.robot.movingMass());
     EXPECT_EQ(plan.environment->people[0].contactSpeed, expected);
     const CaseResult result = runCase(configureCase(plan), {});
-    ASSERT_TRUE(result.summary.separations());
-    const Separations& people = *result.summary.separations();
-    EXPECT_EQ(people.nominal.tooFastTicks, 0);
-    EXPECT_LE(people.nominal.fastestTouch, expected);
+    ASSERT_TRUE(result.summary.account(LimitKind::Separation));
+    const LimitAccount& people = *result.summary.account(LimitKind::Separation);
+    EXPECT_EQ(people.nominal.brokenTicks, 0);
+    EXPECT_LE(people.nominal.largest, expected);
     expectContains(formatDetails(result), {"ann may be touched at up to "});
     const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0];
     EXPECT_EQ(json["people"]["contact_speeds_mps"]["ann"], expected);
     // Who must not be touched by what moves holds the arm up for longer.
     const Experiment strict = readTestExperiment(kOneJoint, {"filter={plugin: whole_arm_braking}", kAnn});
     const CaseResult untouched = runCase(configureCase(strict.cases.front()), {});
-    EXPECT_LT(people.resting_s, untouched.summary.separations()->resting_s);
+    EXPECT_LT(people.resting_s, untouched.summary.account(LimitKind::Separation)->resting_s);
 }
 
 // A run: with whole_arm_braking nobody is touched too fast, and it is logged and told; with a law that knows nobody it is counted.
@@ -65,31 +65,31 @@ TEST(PeopleKeys, ARunJudgesThem) {
         return runCase(configureCase(e.cases.front()), options);
     };
     const CaseResult kept = run("{plugin: whole_arm_braking}", "run.mcap");
-    ASSERT_TRUE(kept.summary.separations());
+    ASSERT_TRUE(kept.summary.account(LimitKind::Separation));
     EXPECT_EQ(kept.exitCode(), 0) << formatDetails(kept);
-    EXPECT_TRUE(kept.guaranteesSeparation);
-    const Separations& people = *kept.summary.separations();
-    EXPECT_EQ(people.nominal.tooFastTicks, 0);
-    EXPECT_GT(people.nominal.protective, 0.0);
+    EXPECT_TRUE(kept.guarantees.has(LimitKind::Separation));
+    const LimitAccount& people = *kept.summary.account(LimitKind::Separation);
+    EXPECT_EQ(people.nominal.brokenTicks, 0);
+    EXPECT_GT(people.nominal.worst, 0.0);
     EXPECT_GT(people.resting_s, 0.1);
     EXPECT_EQ(people.faults.appeared + people.faults.faster + people.faults.lost + people.faults.refused, 0);
     expectContains(formatDetails(kept), {"nobody touched too fast", "and separation from people", "from ann", "link1"});
     LogReader reader(folder / "run.mcap");
-    EXPECT_TRUE(reader.layout().hasPeople);
+    EXPECT_TRUE(reader.layout().limits.has(LimitKind::Separation));
     TickRecord record;
     bool acts = false;
     while (reader.read(record)) {
-        EXPECT_TRUE(record.separation.isKnown);
-        EXPECT_TRUE(record.separation.isKept);
-        EXPECT_GT(record.separation.margin, 0.0);
+        EXPECT_TRUE(record.reports[LimitKind::Separation].isKnown);
+        EXPECT_TRUE(record.reports[LimitKind::Separation].isKept);
+        EXPECT_GT(record.reports[LimitKind::Separation].margin, 0.0);
         acts |= record.joints[0].limit == LimitKind::Separation;
     }
     EXPECT_TRUE(acts);
 
     const CaseResult blind = run("{plugin: certified_braking}", "blind.mcap");
-    ASSERT_TRUE(blind.summary.separations());
-    EXPECT_FALSE(blind.guaranteesSeparation);
-    EXPECT_GT(blind.summary.separations()->nominal.tooFastTicks, 50);
+    ASSERT_TRUE(blind.summary.account(LimitKind::Separation));
+    EXPECT_FALSE(blind.guarantees.has(LimitKind::Separation));
+    EXPECT_GT(blind.summary.account(LimitKind::Separation)->nominal.brokenTicks, 50);
     EXPECT_EQ(blind.exitCode(), 0) << "nobody guaranteed it";
     expectContains(formatDetails(blind), {"no separation from people", "touched ann while it was too fast"});
     CaseResult first = blind, second = kept;
@@ -121,16 +121,16 @@ TEST(PeopleKeys, WhoComesFromNowhereIsNamed) {
     };
     const std::string body = "capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], ";
     const CaseResult fast = run("{" + body + "walk: [{time_s: 0.5, xyz: [3, 0, 0]}, {time_s: 1, xyz: [0.5, 0, 0]}]}");
-    EXPECT_GT(fast.summary.separations()->faults.faster, 0);
-    EXPECT_EQ(fast.summary.separations()->nominal.guiltyTicks, 0);
+    EXPECT_GT(fast.summary.account(LimitKind::Separation)->faults.faster, 0);
+    EXPECT_EQ(fast.summary.account(LimitKind::Separation)->nominal.violatedTicks, 0);
     EXPECT_EQ(fast.exitCode(), 0);
     expectContains(formatDetails(fast), {"faster than stated", "last of ann"});
     const CaseResult lost = run("{" + body + "walk: [{time_s: 0, xyz: [3, 0, 0]}], unseen: [{from_s: 0.2, to_s: 9}]}");
-    EXPECT_EQ(lost.summary.separations()->faults.lost, 1);
-    EXPECT_GT(lost.summary.separations()->resting_s, 0.1) << "she may have come near since";
+    EXPECT_EQ(lost.summary.account(LimitKind::Separation)->faults.lost, 1);
+    EXPECT_GT(lost.summary.account(LimitKind::Separation)->resting_s, 0.1) << "she may have come near since";
     const CaseResult came =
         run("{" + body + "walk: [{time_s: 0, xyz: [0.6, 0, 0]}], unseen: [{from_s: 0, to_s: 0.4}]}");
-    EXPECT_EQ(came.summary.separations()->faults.appeared, 1);
+    EXPECT_EQ(came.summary.account(LimitKind::Separation)->faults.appeared, 1);
     EXPECT_EQ(came.exitCode(), 0);
 }
 

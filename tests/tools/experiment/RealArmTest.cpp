@@ -262,7 +262,7 @@ TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
         EXPECT_EQ(metadata["velocity_lower"][5], plan.limits.velocity.lower[5]);
 
         CaseResult other = result;  // a filter that guarantees nothing breaks no guarantee
-        other.guarantees = false;
+        other.guarantees = {};
         EXPECT_EQ(other.exitCode(), 0);
         expectContains(formatVerdict(other), {"of which the filter guarantees nothing"});
     }
@@ -351,7 +351,8 @@ TEST(RealGuarantee, ALimitThatWasPassedBeforeATripIsNotForgotten) {
         const bool isBroken = beyond_s < 0.005;
         EXPECT_EQ(s.anyRealLimitBroken(), isBroken);
         CaseResult result = makeResult(*readBounded(idealWith({}), 0.1).configure());
-        result.holdsOnReal = result.guarantees = true;
+        result.holdsOnReal = true;
+        result.guarantees = LimitSet::joints();
         result.stopReason = StopReason::TrackingLost;
         result.summary = s;
         EXPECT_EQ(result.isRealGuaranteeBroken(), isBroken);

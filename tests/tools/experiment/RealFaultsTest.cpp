@@ -352,7 +352,7 @@ public:
         : model_(robot), from_(std::move(from)), to_(std::move(to)), period_s_(period_s) {}
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
-    MotionCommand::Space space() const override { return MotionCommand::Space::Tool; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double t, MotionCommand& out) override {
         const double phase = 2.0 * kPi * t / period_s_, s = 0.5 - 0.5 * std::cos(phase);
         const JointVector q = from_ + s * (to_ - from_);
@@ -510,18 +510,17 @@ TEST(Fault60, ABallQuickerThanTheArmIsBrakedForAndTheSummarySaysWhenItTouched) {
     EXPECT_EQ(r.summary.ticksWith(FilterStatus::Infeasible), 0);
     EXPECT_FALSE(r.summary.anyLimitBroken());
     EXPECT_GT(r.summary.ticksWith(FilterStatus::StoppedByPlan), 100) << "it was not braked";
-    ASSERT_TRUE(r.summary.collisions());
-    const CollisionRecord& nominal = r.summary.collisions()->nominal;
-    ASSERT_TRUE(nominal.firstCollision_s) << "nothing touched";
+    ASSERT_TRUE(r.summary.account(LimitKind::Clearance));
+    const ArmLimitRecord& nominal = r.summary.account(LimitKind::Clearance)->nominal;
+    ASSERT_TRUE(nominal.firstBroken_s) << "nothing touched";
     std::printf("  %s\n", formatVerdict(r).c_str());
-    EXPECT_GT(*nominal.firstCollision_s, 0.8);
-    EXPECT_LT(*nominal.firstCollision_s, 1.1);
-    EXPECT_EQ(nominal.obstacle, "ball");
+    EXPECT_GT(*nominal.firstBroken_s, 0.8);
+    EXPECT_LT(*nominal.firstBroken_s, 1.1);
+    EXPECT_EQ(nominal.other, "ball");
     expectContains(formatVerdict(r), {"the nominal arm collided: ", " deep in ball",
                                       "the tool misses its command: ", "held off by the safety distance to obstacles"});
     EXPECT_EQ(formatVerdict(r).find("swings"), std::string::npos) << formatVerdict(r);
-    expectContains(formatDetails(r),
-                   {"in collision in " + std::to_string(nominal.ticksInCollision) + " ticks (first at "});
+    expectContains(formatDetails(r), {"in collision in " + std::to_string(nominal.brokenTicks) + " ticks (first at "});
 }
 
 }  // namespace

@@ -87,32 +87,32 @@ TEST(SpeedLimitKeys, ARunJudgesThem) {
         return runCase(configureCase(e.cases.front()), options);
     };
     const CaseResult kept = run("{plugin: whole_arm_braking}", "run.mcap");
-    ASSERT_TRUE(kept.summary.speeds());
+    ASSERT_TRUE(kept.summary.account(LimitKind::Speed));
     EXPECT_EQ(kept.exitCode(), 0);
-    EXPECT_TRUE(kept.guaranteesSpeed);
-    EXPECT_EQ(kept.summary.speeds()->nominal.ticksTooFast, 0);
-    EXPECT_LE(kept.summary.speeds()->nominal.largest, 0.5 * (1.0 + 1e-9));
-    EXPECT_GT(kept.summary.speeds()->nominal.ticksAtLimit, 500);
+    EXPECT_TRUE(kept.guarantees.has(LimitKind::Speed));
+    EXPECT_EQ(kept.summary.account(LimitKind::Speed)->nominal.brokenTicks, 0);
+    EXPECT_LE(kept.summary.account(LimitKind::Speed)->nominal.largest, 0.5 * (1.0 + 1e-9));
+    EXPECT_GT(kept.summary.account(LimitKind::Speed)->nominal.nearTicks, 500);
     expectContains(formatDetails(kept), {"speed limits kept", "and speeds of points", "point speeds", "link1"});
     LogReader reader(folder / "run.mcap");
-    EXPECT_TRUE(reader.layout().hasSpeedLimits);
+    EXPECT_TRUE(reader.layout().limits.has(LimitKind::Speed));
     TickRecord record;
     double logged = 0.0;
     bool acts = false;
     while (reader.read(record)) {
-        EXPECT_TRUE(record.speed.isKnown);
-        EXPECT_EQ(record.speed.limit, 0.5);
-        logged = std::max(logged, record.speed.speed);
+        EXPECT_TRUE(record.reports[LimitKind::Speed].isKnown);
+        EXPECT_EQ(record.reports[LimitKind::Speed].limit, 0.5);
+        logged = std::max(logged, record.reports[LimitKind::Speed].value);
         acts |= record.joints[0].limit == LimitKind::Speed;
     }
     EXPECT_TRUE(acts);
-    EXPECT_GT(logged, kept.summary.speeds()->nominal.largest - 1e-12);
+    EXPECT_GT(logged, kept.summary.account(LimitKind::Speed)->nominal.largest - 1e-12);
     EXPECT_LE(logged, 0.5 * (1.0 + 1e-9));
 
     const CaseResult fast = run("{plugin: certified_braking}", "fast.mcap");
-    ASSERT_TRUE(fast.summary.speeds());
-    EXPECT_FALSE(fast.guaranteesSpeed);
-    EXPECT_GT(fast.summary.speeds()->nominal.ticksTooFast, 500);
+    ASSERT_TRUE(fast.summary.account(LimitKind::Speed));
+    EXPECT_FALSE(fast.guarantees.has(LimitKind::Speed));
+    EXPECT_GT(fast.summary.account(LimitKind::Speed)->nominal.brokenTicks, 500);
     EXPECT_EQ(fast.exitCode(), 0) << "nobody guaranteed it";
     expectContains(formatDetails(fast), {"no speeds of points", "points of the nominal arm were too fast: link1"});
     const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {fast}))["cases"][0];

@@ -180,7 +180,7 @@ class SleepyCommand : public CommandSource {
 public:
     void configure(const RunSetup& setup, const Parameters&) override { start_ = setup.start.q; }
     void reset(const MotionState& start) override { start_ = start.q; }
-    MotionCommand::Space space() const override { return MotionCommand::Space::Joint; }
+    CommandTraits traits() const override { return {MotionCommand::Space::Joint}; }
     TickStatus sample(double t, MotionCommand& out) override {
         out.q = start_;
         out.q[0] += 0.3 * std::sin(3.0 * t);

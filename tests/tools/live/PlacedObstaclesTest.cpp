@@ -146,7 +146,7 @@ struct Drive {
             if (loop.time() >= duration_s && !loop.isStopping()) loop.requestStop(StopReason::Requested, "it is over");
             loop.tick(record);
             PlacedObstacles::renumber(*running->configured().feed->view().surroundings,
-                                      *experiment.cases[0].environment, record.clearance);
+                                      *experiment.cases[0].environment, record.reports[LimitKind::Clearance]);
             running->count();
             while (!running->recorder()->append(record)) std::this_thread::yield();
         }
@@ -161,7 +161,8 @@ struct Drive {
     /** The version that the filter went by in a row; null: the file's surroundings. */
     const PlacedObstacles::Version* find(const TickRecord& row) const {
         for (const auto& version : logged)
-            if (std::abs(row.time_s - row.mapAge_s - version.stamp_s) < 1e-4) return &version;
+            if (std::abs(row.time_s - row.reports[LimitKind::Clearance].age_s - version.stamp_s) < 1e-4)
+                return &version;
         return nullptr;
     }
 
@@ -203,7 +204,7 @@ void expectNothingAvoidable(const Drive& drive) {
             if (now)
                 for (const auto& one : now->all) environment.solids.push_back(*one.solid);
             judge = std::make_unique<CollisionJudge>(plan.robot, *plan.geometry, environment);
-            allowed = std::min(plan.environment->safetyDistance_m, row.clearance.distance);
+            allowed = std::min(plan.environment->safetyDistance_m, row.reports[LimitKind::Clearance].margin);
         }
         // Depths in a solid are no lower bounds: balls and capsules measure them differently.
         if (k % 5 != 0 || allowed <= 0.0) continue;  // the judge takes its time
@@ -242,8 +243,8 @@ TEST(PlacedObstacles, WhatIsDraggedAroundAMovingArmIsKeptClearOfAndReplaysToTheB
     EXPECT_EQ(drive.logged.size(), static_cast<std::size_t>(drive.versions));
     bool nearPlaced = false, held = false;
     for (const TickRecord& row : drive.rows) {
-        ASSERT_LT(row.clearance.obstacle, static_cast<int>(drive.result->obstacles.size()));
-        if (row.clearance.obstacle >= 2) nearPlaced = true;
+        ASSERT_LT(row.reports[LimitKind::Clearance].other, static_cast<int>(drive.result->obstacles.size()));
+        if (row.reports[LimitKind::Clearance].other >= 2) nearPlaced = true;
         for (const JointIntervention& joint : row.joints) held |= joint.limit == LimitKind::Clearance;
     }
     EXPECT_TRUE(nearPlaced);
@@ -282,8 +283,8 @@ TEST(PlacedObstacles, WhatIsPutIntoTheArmBrakesItAndIsNamedUntilItIsTakenAway) {
         if (row.braking) continue;
         if (version == &drive.logged[0]) {
             ++during;
-            least = std::min(least, row.clearance.distance);
-            EXPECT_EQ(row.clearance.obstacle, 2 + 4);
+            least = std::min(least, row.reports[LimitKind::Clearance].margin);
+            EXPECT_EQ(row.reports[LimitKind::Clearance].other, 2 + 4);
             for (const JointIntervention& joint : row.joints)
                 if (joint.limit == LimitKind::Clearance) {
                     ++held;

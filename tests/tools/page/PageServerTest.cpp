@@ -183,7 +183,9 @@ protected:
     }
 
     const std::shared_ptr<const FoxgloveChannels> channels_ = std::make_shared<const FoxgloveChannels>(
-        LogLayout{{"one", "two"}, MotionCommand::Space::Joint, true, false, true, true, true}, "arm");
+        LogLayout{
+            {"one", "two"}, MotionCommand::Space::Joint, true, false, {LimitKind::Clearance, LimitKind::Speed}, true},
+        "arm");
     std::atomic<int> places_{0};
     std::shared_ptr<TeleoperationFeed> feed_;
     std::array<std::atomic<int>, 5> wishes_{};  // by PageWish

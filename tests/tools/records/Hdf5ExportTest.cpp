@@ -286,7 +286,7 @@ const std::map<std::string, std::string> kUnits = {
 
 TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
-    layout.hasEnvironment = layout.hasSpeedLimits = true;
+    layout.limits = {LimitKind::Clearance, LimitKind::Speed};
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), makeRecords(layout, 20, 0.001, 62)).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));
@@ -391,7 +391,7 @@ TEST_F(Hdf5ExportTest, TheOpeningBecomesAttributesOfTheRoot) {
 
 TEST_F(Hdf5ExportTest, ALogWithoutRowsHasEveryColumnEmpty) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
-    layout.hasEnvironment = layout.hasSpeedLimits = true;
+    layout.limits = {LimitKind::Clearance, LimitKind::Speed};
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), {}).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));

@@ -148,13 +148,13 @@ cases:
         const auto found = std::find(table["columns"].begin(), table["columns"].end(), json(column));
         return table["rows"][row].at(static_cast<std::size_t>(found - table["columns"].begin()));
     };
-    const CollisionRecord& counted = run.results[1].summary.collisions()->nominal;
-    ASSERT_GT(counted.ticksInCollision, 0);
+    const ArmLimitRecord& counted = run.results[1].summary.account(LimitKind::Clearance)->nominal;
+    ASSERT_GT(counted.brokenTicks, 0);
     EXPECT_EQ(at(0, "collisions"), "-");
     EXPECT_EQ(at(0, "least clearance"), "-");
-    EXPECT_EQ(at(1, "collisions"), std::to_string(counted.ticksInCollision));
-    EXPECT_NEAR(std::stod(at(1, "least clearance").get<std::string>()), 1e3 * counted.leastClearance,
-                1e-2 * std::abs(1e3 * counted.leastClearance));
+    EXPECT_EQ(at(1, "collisions"), std::to_string(counted.brokenTicks));
+    EXPECT_NEAR(std::stod(at(1, "least clearance").get<std::string>()), 1e3 * counted.worst,
+                1e-2 * std::abs(1e3 * counted.worst));
     EXPECT_EQ(at(1, "collisions, real"), "-");
     EXPECT_EQ(data["cases"][1]["ok"], false);
     EXPECT_NE(table["note"].get<std::string>().find("collisions: ticks in which"), std::string::npos);

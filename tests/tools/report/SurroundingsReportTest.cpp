@@ -28,7 +28,7 @@ void writeLog(const std::filesystem::path& file, const std::string& environment,
               bool looks = true) {
     LogOpening opening;
     for (int i = 0; i < 6; ++i) opening.layout.jointNames.push_back("joint" + std::to_string(i));
-    opening.layout.hasEnvironment = !environment.empty();
+    opening.layout.limits.set(LimitKind::Clearance, !environment.empty());
     opening.metadata = {{"robot", VIABLE_SOURCE_DIR "/robots/indy7"},
                         {"links", R"(["foot", "shoulder", "elbow"])"},
                         {"obstacles", R"(["table", "rod"])"}};
@@ -41,13 +41,14 @@ void writeLog(const std::filesystem::path& file, const std::string& environment,
     for (int k = 0; k < 10; ++k) {
         row.time_s = 1e-3 * k;
         for (int i = 0; i < 6; ++i) row.stops[static_cast<std::size_t>(i)] = {0.1, 0.01 * (k + i), 0.5 * i + k};
-        row.clearance = {};
-        row.clearance.isKnown = looks && k != 3;
-        if (k != 4) row.clearance.distance = 1e-3 * k;
-        if (k != 4) row.clearance.link = 2;
-        row.clearance.obstacle = 1;
-        row.clearance.onArm = {0.1 * k, 1.0, 2.0};
-        row.clearance.onObstacle = {0.1 * k, 1.5, 2.0};
+        LimitReport& nearest = row.reports[LimitKind::Clearance];
+        nearest = {};
+        nearest.isKnown = looks && k != 3;
+        if (k != 4) nearest.margin = 1e-3 * k;
+        if (k != 4) nearest.link = 2;
+        nearest.other = 1;
+        nearest.onArm = {0.1 * k, 1.0, 2.0};
+        nearest.onOther = {0.1 * k, 1.5, 2.0};
         log.append(row);
     }
     log.finish();

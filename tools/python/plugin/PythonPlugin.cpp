@@ -36,7 +36,7 @@ public:
         space_ = object_.make(setup, parameters) == "tool" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
     }
     void reset(const MotionState& start) override { object_.reset(start); }
-    MotionCommand::Space space() const override { return space_; }
+    CommandTraits traits() const override { return {space_}; }
 
     TickStatus sample(double t, MotionCommand& out) override {
         if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
@@ -71,9 +71,7 @@ public:
         follows_ = object_.make(setup, parameters);
     }
     void reset(const MotionState& start) override { object_.reset(start); }
-    bool follows(MotionCommand::Space space) const override {
-        return follows_ == "both" || follows_ == (space == MotionCommand::Space::Joint ? "joint" : "tool");
-    }
+    ControllerTraits traits() const override { return {follows_ != "tool", follows_ != "joint"}; }
 
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override {
         if (!isFinite(input.nominal, n_) || !isFinite(input.dynamics, n_)) return TickStatus::InvalidInput;
@@ -106,7 +104,7 @@ public:
         holdsJerk_ = object_.make(setup, parameters) == "jerk";
     }
     void reset(const MotionState& start) override { object_.reset(start); }
-    bool guaranteesLimits() const override { return false; }
+    FilterTraits traits() const override { return {}; }
 
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override {
         if (!isFinite(input, n_)) return FilterStatus::InvalidInput;

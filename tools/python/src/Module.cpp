@@ -41,6 +41,10 @@ PYBIND11_MODULE(_viable, module) {
     module.doc() = "The library viable; use it through the package `viable`.";
     module.attr("__version__") = VIABLE_VERSION;
     module.attr("library") = vp::findLibrary();
+    vp::py::list acting;
+    for (int kind = 0; kind < viable::countLimitKinds(); ++kind)
+        acting.append(viable::getName(static_cast<viable::LimitKind>(kind), viable::LimitSide::Neither));
+    module.attr("ACTING") = vp::py::tuple(acting);
     vp::py::register_exception_translator(&vp::translate);
     vp::bindRobot(module);
     vp::bindGuards(module);

@@ -18,8 +18,8 @@ from ._log import Log
 from ._paths import find_program
 from ._program import bound, identify, run, sweep, verify
 from ._stream import Stream
-from ._types import ACTING, STATUS, State
-from ._viable import Dynamics, Guard, Limits, ReferenceGuard, Robot, Servo, __version__
+from ._types import STATUS, State
+from ._viable import ACTING, Dynamics, Guard, Limits, ReferenceGuard, Robot, Servo, __version__
 
 __all__ = [
     "ACTING", "Batch", "Dynamics", "Error", "Guard", "InputError", "Limits", "Log", "ReferenceGuard", "Robot", "Servo", "STATUS", "State",

@@ -15,5 +15,3 @@ class State(NamedTuple):
 
 #: What Batch.status counts by.
 STATUS = ("not_started", "passed", "limited", "recovering", "waiting", "stopping", "stopped", "failed")
-#: What abs(Batch.acting) counts by.
-ACTING = ("none", "position", "velocity", "acceleration", "jerk", "torque", "clearance", "speed", "separation")

@@ -11,6 +11,8 @@ Law = Callable[[Floats, Floats, "Dynamics"], ArrayLike]
 
 __version__: str
 library: str
+#: What abs(Batch.acting) counts by.
+ACTING: tuple[str, ...]
 
 class Limits:
     def __init__(self, *, position: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,

@@ -28,6 +28,7 @@
  *                   "unseen": [[from_s, to_s]], "speed_mps", "latency_s", "error_m" } (how far it can have come)
  *               | { "type": "map", "pose", "edge_m": num, "centres": ref f32 3*cubes } (of what could not be read: no centres)
  *             ) ] } ],
+ *     "limits": [str], the names of the bits of "active",
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
  *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict": str, "ok": bool, "kept": bool,
@@ -43,7 +44,7 @@
  *             "bound_position", "bound_velocity": num (how far the true arm may be from nominal; not given: not known),
  *             "bound_measured": num (the same of the readings: beyond it a run trips; not given: not known),
  *             "position_lower", "position_upper", "velocity_...", "acceleration_...", "jerk_...": ref | num | null },
- *           "active": ref u16, one per bucket: a bit for each limit that acted in it, LIMITS[i] the bit i - 1 } ],
+ *           "active": ref u16, one per bucket: a bit for each limit that acted in it } ],
  *         "status": ref u16, one per bucket, the worst in it: an index into STATUS,
  *         "tick_time": { "edges_us": [...], "counts": [...] },
  *         "jitter": the same, of how far the time between two ticks of a live run is from the tick's; not given: not live,
@@ -74,25 +75,7 @@
 
 import { DataError, need, needArray, readBlocks } from './blocks.js';
 
-const LIMITS = [
-  'none',
-  'position_lower',
-  'position_upper',
-  'velocity_lower',
-  'velocity_upper',
-  'acceleration_lower',
-  'acceleration_upper',
-  'jerk_lower',
-  'jerk_upper',
-  'torque_lower',
-  'torque_upper',
-  'clearance_lower',
-  'clearance_upper',
-  'speed_lower',
-  'speed_upper',
-  'separation_lower',
-  'separation_upper',
-];
+let limitNames = []; // of the run's bits
 export const STATUS = [
   'passed',
   'modified',
@@ -108,7 +91,7 @@ export const JUDGED = ['position', 'velocity', 'acceleration', 'jerk'];
 const NEAREST = 11; // numbers per frame of the replay
 
 /** The names of the limits that acted, of a bucket's bits. */
-export const limitsIn = (bits) => LIMITS.filter((_, i) => i > 0 && bits & (1 << (i - 1)));
+export const limitsIn = (bits) => limitNames.filter((_, i) => bits & (1 << i));
 
 /**
  * Values at equal distances: y[i] belongs to x0 + i * dx. `pairs` tells that y holds least and largest per bucket.
@@ -125,6 +108,7 @@ export class Run {
   /** @param {import('./blocks.js').Blocks} blocks */
   constructor({ json, array }) {
     this.array = array;
+    limitNames = needArray(json.limits, 'limits').map(String);
     for (const key of ['title', 'version', 'created', 'file', 'yaml']) this[key] = String(json[key] ?? '');
     this.robot = need(json.robot, 'robot').name;
     this.joints = needArray(json.robot.joints, 'robot.joints').map(({ name, kind }) => ({

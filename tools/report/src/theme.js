@@ -55,8 +55,8 @@ export const caseColour = (index, palette = colours) => palette.cases[index % pa
 const DASHES = [[], [9, 4], [2, 3], [12, 3, 2, 3]];
 export const caseDash = (index) => DASHES[Math.floor(index / LIGHT.cases.length) % DASHES.length];
 
-/** The colour of an acting limit, by its name in LIMITS. */
-export const limitColour = (name, palette = colours) => palette.limits[name.split('_')[0]];
+/** The colour of an acting limit, by its name. */
+export const limitColour = (name, palette = colours) => palette.limits[name.split('_')[0]] ?? palette.limit;
 
 export const isDark = () => colours === DARK;
 

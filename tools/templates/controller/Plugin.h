@@ -9,8 +9,9 @@ class @CLASS@ : public viable::NominalController {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;
-    bool follows(viable::MotionCommand::Space space) const override {
-        return space == viable::MotionCommand::Space::Joint;
+    /** It follows commands of joints, not of the tool. */
+    viable::ControllerTraits traits() const override {
+        return {true, false};
     }
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override;
 

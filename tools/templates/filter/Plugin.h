@@ -11,8 +11,9 @@ class @CLASS@ : public viable::SafetyFilter {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;
-    bool guaranteesLimits() const override {
-        return false;
+    /** It guarantees no set of limits that the host could hold it to. */
+    viable::FilterTraits traits() const override {
+        return {};
     }
     viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override;
 

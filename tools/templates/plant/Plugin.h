@@ -21,7 +21,7 @@ public:
         return state_;
     }
     /** What measured() tells is the truth. Remove this where readings are counts of an encoder. */
-    viable::Encoder encoder() const override { return viable::Encoder::Exact; }
+    viable::PlantTraits traits() const override { return {viable::Encoder::Exact}; }
     viable::TickStatus advance(const viable::JointVector& torque, viable::JointVector& applied) override;
 
 private:

@@ -8,7 +8,8 @@
 
 namespace viable {
 
-/** Which limit acts on a joint. The text names are those of the logs (see getName). */
+/** Which limit acts on a joint. The text names are those of the logs (see getName). Kinds from Clearance on are of
+the whole arm: each has a row (viable/limits/ArmLimit.h), and addLimitKind() adds more. */
 enum class LimitKind : unsigned char {
     None,
     Position,
@@ -21,7 +22,9 @@ enum class LimitKind : unsigned char {
     Separation,  ///< from people; acts as an upper limit
 };
 
-inline constexpr int kLimitKinds = static_cast<int>(LimitKind::Separation) + 1;
+inline constexpr LimitKind kFirstArmLimit = LimitKind::Clearance, kLastOwnLimit = LimitKind::Separation;
+/** There is room for as many kinds, None included. */
+inline constexpr int kMostLimitKinds = 12;
 
 /** Which side of a limit acts. */
 enum class LimitSide : signed char { Lower = -1, Neither = 0, Upper = 1 };
@@ -38,6 +41,14 @@ const char* getName(LimitKind kind, LimitSide side);
 /** "lower", "upper"; empty for Neither. */
 const char* getName(LimitSide side);
 
+/** The kind of that name, a new one where there is none yet. Any thread. Throws Error (BadInput) where there is no room
+for one more, or where the name is no snake_case word.
+@param unit  of it, such as "deg" */
+LimitKind addLimitKind(const std::string& name, const std::string& unit);
+
+/** How many kinds there are now, None included: those below are LimitKind 0, 1, ... Real time. */
+int countLimitKinds() noexcept;
+
 /** The scale of tolerances on one joint's limits: the size of the larger limit; where one side or both are unlimited,
 at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not
 to the range: limits may lie close together and far from zero. */
@@ -48,8 +59,8 @@ number:
 rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
 
-/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", of a joint that slides "m", "m/s", "m/s^2", "m/s^3", "N"; of clearances
-"m", of speeds "m/s"; empty for None. */
+/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", of a joint that slides "m", "m/s", "m/s^2", "m/s^3", "N"; of those of the whole
+arm their own; empty for None. */
 const char* getUnit(LimitKind kind, bool slides);
 
 /** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */

@@ -50,8 +50,7 @@ public:
                    const std::string& owner = "CertifiedBrakingOptions");
 
     void reset(const MotionState& start) override;
-    bool guaranteesLimits() const override { return true; }
-    bool recovers() const override;
+    FilterTraits traits() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;

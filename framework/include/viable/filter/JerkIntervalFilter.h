@@ -62,7 +62,7 @@ public:
     /** Reads `gamma` (gamma dt < 2) [1/s]; needs a finite jerk limit on every joint. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
-    bool guaranteesLimits() const override { return false; }
+    FilterTraits traits() const override { return {}; }
     /** The difference quotient of (14) does not reach across missed ticks. */
     void skipTicks(std::int64_t ticks) override;
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;

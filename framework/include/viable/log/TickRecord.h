@@ -64,10 +64,8 @@ struct TickRecord {
     std::array<JointIntervention, kMaxJoints> joints{};  ///< which limit acts
     std::array<Stop, kMaxJoints> stops{};
     StopVerdict verdict = StopVerdict::Safe;
-    Clearance clearance;           ///< as the filter sees it, along the tick and the stop
-    ArmSpeed speed;                ///< the same
-    Separation separation;         ///< the same
-    double mapAge_s = 0.0;         ///< of the surroundings that the filter went by
+    LimitReports reports;          ///< on limits of the whole arm, as the filter sees them along the tick and the stop
+    PeopleFaults peopleFaults;     ///< as the filter found them
     JointLimits limits;            ///< of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command
     bool missed = false;           ///< command, controller and filter did not run in this tick

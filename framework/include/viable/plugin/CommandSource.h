@@ -15,15 +15,20 @@ struct MotionCommand {
     Vector6 toolTwist = Vector6::Zero();  ///< Tool: desired linear [m/s], angular velocity [rad/s]
 };
 
+/** The host asks a command source for these once, after configure(). */
+struct CommandTraits {
+    MotionCommand::Space space =
+        MotionCommand::Space::Joint;  ///< the space of all commands; a controller must follow it
+};
+
 /** Where the motion comes from: a file, a generator, a device. */
 class CommandSource : public Plugin {
 public:
-    /** The command space it produces; a controller refuses one it cannot follow. Valid after
-    configure(). */
-    virtual MotionCommand::Space space() const = 0;
+    using Traits = CommandTraits;
+    virtual CommandTraits traits() const = 0;
 
     /** The command at time t [s] since reset, t >= 0, non-decreasing from call to call. On Ok,
-    `out` is complete for space(); otherwise the host keeps the last good command. */
+    `out` is complete for the space of traits(); otherwise the host keeps the last good command. */
     virtual TickStatus sample(double t, MotionCommand& out) = 0;
 
     /** The nominal plant's limits from time t on, complete, or null: they stay as they are. Asked once per tick

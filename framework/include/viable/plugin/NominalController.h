@@ -29,11 +29,20 @@ inline void askForJerk(const ControllerInput& input, const JointVector& jerk, Co
     output.hasAccelerationRate = true;
 }
 
+/** The commands that a controller can follow. The host asks once, after configure(). */
+struct ControllerTraits {
+    bool followsJoint = false, followsTool = false;
+
+    bool follows(MotionCommand::Space space) const {
+        return space == MotionCommand::Space::Joint ? followsJoint : followsTool;
+    }
+};
+
 /** Any torque controller; it sees the nominal arm, not the real one. */
 class NominalController : public Plugin {
 public:
-    /** Can it follow commands in this space? Asked before the run. */
-    virtual bool follows(MotionCommand::Space space) const = 0;
+    using Traits = ControllerTraits;
+    virtual ControllerTraits traits() const = 0;
 
     /** The torque that it would like, without regard to limits. The host substitutes the last good torque for
     kMaxSubstitutedTicks ticks where the status is not Ok or the output not usable, then brakes. */

@@ -38,7 +38,7 @@ struct RunSetup {
 
     /** Ticks from a torque to the motors of the real plant; 0 where there is none, or for the plant itself. */
     int delayTicks = 0;
-    JointVector motorRate{};  ///< RealPlant::motorRate() of it; of size 0 where there is none, or for the plant itself
+    JointVector motorRate{};  ///< PlantTraits::motorRate of it; of size 0 where there is none, or for the plant itself
 
     int size() const { return robot.size(); }
 };

@@ -17,10 +17,10 @@
 namespace viable {
 
 /** Raised whenever a class or struct that crosses the border changes its layout or its virtual table: those of core/,
-config/, qp/, braking/, robot/, environment/ and plugin/, and what plugins may build on in filter/ and simulation/. A
+config/, qp/, braking/, robot/, environment/, limits/ and plugin/, and what plugins may build on in filter/ and simulation/. A
 test
 compares with the record of this version (tools/scripts/record_interface.sh writes it). */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 11;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 12;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 

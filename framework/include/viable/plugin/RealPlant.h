@@ -10,10 +10,24 @@ enum class Encoder : unsigned char {
     Exact,   ///< the true state (a simulation)
 };
 
+/** The host asks a plant for these once, after configure(). */
+struct PlantTraits {
+    Encoder encoder = Encoder::Counts;
+    int delayTicks = 0;  ///< from advance() until the motors give its torque, as far as the plant knows
+    /** Fastest change of the motors' torque, one number per joint [Nm/s, prismatic: N/s], > 0; infinite or of size 0: as
+    fast as asked for. */
+    JointVector motorRate{};
+    bool hasClock =
+        false;  ///< a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called
+};
+
 /** The arm that is really there, or an engine that stands for it. All cases of an experiment are configured before the
 first one runs: what only one may hold at a time, such as a robot, is opened in reset(), which then may throw Error. */
 class RealPlant : public Plugin {
 public:
+    using Traits = PlantTraits;
+    virtual PlantTraits traits() const { return {}; }
+
     /** The state that the joint sensors report now. Valid after reset(). */
     virtual const JointState& measured() const = 0;
 
@@ -27,20 +41,6 @@ public:
     /** The torque that the surroundings put on each joint now, as sensors measure it [Nm]; null: the arm
     has no such sensors, which configure() has settled. Its value is valid after reset(). */
     virtual const JointVector* externalTorque() const { return nullptr; }
-
-    /** Valid after configure(). */
-    virtual Encoder encoder() const { return Encoder::Counts; }
-
-    /** Ticks from advance() until the motors give its torque, as far as the plant knows. Valid after configure(). */
-    virtual int delayTicks() const { return 0; }
-
-    /** Fastest change of the motors' torque, one number per joint [Nm/s, prismatic: N/s], > 0; infinite or of size 0: as fast as
-    asked for. Valid after configure(). */
-    virtual JointVector motorRate() const { return {}; }
-
-    /** True: a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called. Valid after
-    configure(). */
-    virtual bool hasClock() const { return false; }
 
     /** With a clock only, once per tick and before measured(): waits for the plant's next tick, and measured() is the
     state there. `ticksPassed`: ticks of its clock since the last read() or reset(), at least 1. Of those beyond 1

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 
 #include "viable/plugin/Plugin.h"
 
@@ -36,9 +37,19 @@ struct LinearErrorLoop {
     JointVector motorRate;
 };
 
+/** The host asks a robust loop for these once, after configure(). */
+struct RobustTraits {
+    /** The linear law that it is, as long as neither of the law's limits nor a motor's acts. None: it is none, and no
+    tracking bound is known for it. */
+    std::optional<LinearErrorLoop> errorLoop;
+};
+
 /** Makes the real arm follow the nominal one in spite of friction, payload and model error. */
 class RobustLoop : public Plugin {
 public:
+    using Traits = RobustTraits;
+    virtual RobustTraits traits() const { return {}; }
+
     /** The torque tau_a [Nm] added to the filter's. `real` is the measured state, `nominal` the
     nominal arm at the same instant. `filterTorque` is the motors' share of what moves the nominal arm: tau_c, and
     tau_c - tau_ext where an external torque is fed to it (the motors' limits are in setup.robot.actuation). On Ok,
@@ -49,10 +60,6 @@ public:
     /** The arm does not follow and is being braked: from the next compute() on whatever sums up the error
     stands still, until reset(). For loops without a sum there is nothing to do. */
     virtual void holdIntegral() {}
-
-    /** The linear law that it is, as long as neither of the law's limits nor a motor's acts; null: it is none, and no
-    tracking bound is known for it. Valid after configure(). */
-    virtual const LinearErrorLoop* errorLoop() const { return nullptr; }
 };
 
 }  // namespace viable

@@ -2,10 +2,10 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 
 #include "viable/braking/GridStop.h"
 #include "viable/core/FilterStatus.h"
+#include "viable/limits/ArmLimit.h"
 #include "viable/plugin/Plugin.h"
 
 namespace viable {
@@ -14,47 +14,6 @@ namespace viable {
 enum class HeldQuantity : unsigned char {
     Jerk,          ///< acceleration is continuous (triple integrator)
     Acceleration,  ///< acceleration jumps from tick to tick (double integrator)
-};
-
-/** The place where the arm, on its way through a tick and the stop after it, comes nearest to what it must not touch.
-*/
-struct Clearance {
-    bool isKnown = false;                                       ///< false: nobody has looked
-    double distance = std::numeric_limits<double>::infinity();  ///< [m]; negative: inside
-    int link = -1;                                              ///< index into ArmGeometry::links
-    int obstacle = -1;   ///< index into the Surroundings; -1: the arm itself, see otherLink
-    int otherLink = -1;  ///< of the arm itself
-    Eigen::Vector3d onArm = Eigen::Vector3d::Zero();  ///< nearest points, base frame [m]
-    Eigen::Vector3d onObstacle = Eigen::Vector3d::Zero();
-};
-
-/** The speed of the arm's points that uses the largest share of its limit, on the way through a tick and the stop after it. */
-struct ArmSpeed {
-    bool isKnown = false;                                    ///< false: nobody has looked
-    double speed = 0.0;                                      ///< no point of that part is faster at any time [m/s]
-    double limit = std::numeric_limits<double>::infinity();  ///< of it there [m/s]
-    int link = -1;                                           ///< index into ArmGeometry::links; -1: the tool frame
-};
-
-/** What was wrong with what was seen of people, so far; each is answered by braking, as far as it matters. */
-struct PeopleFaults {
-    std::int64_t appeared = 0;  ///< people who were not known of before
-    std::int64_t faster = 0;    ///< observations farther away from the one before than the person can have come
-    std::int64_t lost = 0;      ///< times that someone who was seen was not any more
-    std::int64_t refused = 0;   ///< observations that could not be used
-    int last = -1;              ///< whose fault was the last one: index into PeopleFeed::people()
-};
-
-/** How far the arm, on the way through a tick and the stop after it, keeps from where people may be by then. */
-struct Separation {
-    bool isKnown = false;  ///< false: nobody has looked
-    /** Nobody can be touched by what is too fast for it. False: people came nearer than they could have, and the arm
-    brakes. */
-    bool isKept = true;
-    double margin = std::numeric_limits<double>::infinity();  ///< lower bound, when the stop was chosen [m]
-    int link = -1, person = -1;  ///< of it: index into ArmGeometry::links, PeopleFeed::people()
-    double age_s = 0.0;          ///< of the oldest observation that counts
-    PeopleFaults faults;
 };
 
 /** What a filter is given in a tick. The host sees to it that all of it is finite and of the right size. */
@@ -84,11 +43,15 @@ struct FilterDecision {
     filter that holds jerks and guarantees limits gives it; without it (hasStops false) the host looks for one. */
     std::array<GridStop, kMaxJoints> stops{};
     bool hasStops = false;
-    Clearance clearance;    ///< of a filter that keeps one
-    double mapAge_s = 0.0;  ///< age of the surroundings that the filter went by
-    ArmSpeed speed;         ///< of a filter that keeps speed limits
-    Separation separation;  ///< of a filter that keeps apart from people
+    LimitReports reports;       ///< on the limits of the whole arm that the filter keeps
+    PeopleFaults peopleFaults;  ///< counted by a filter that keeps apart from people
 
+    /** Clears all that a filter need not write in every tick. */
+    void clearReports() {
+        hasStops = false;
+        reports = {};
+        peopleFaults = {};
+    }
     // All else is left as it is.
     void holdJerk(const JointVector& jerk) {
         held = HeldQuantity::Jerk;
@@ -112,29 +75,24 @@ tau_d but for rounding, it is tau_d to the last bit. No allocation, no throw. */
 void calcHeldMotion(const FilterInput& input, FilterStatus status, const FilterDecision& decision, double tick_s,
                     HeldMotion& motion);
 
+/** The host asks a filter for these once, after configure(). */
+struct FilterTraits {
+    /** The limits that the nominal arm keeps in every tick, from every start that configure() and reset() accepted. The
+    host holds the filter to that word: a limit broken under a guarantee ends the run with exit code 3. So does a state
+    from which no stop within the limits exists. The limits of the joints come together (LimitSet::joints()). An empty
+    set is that of a law that merely tries. Clearance holds for surroundings that stay as they are but for known paths,
+    and for the arm itself. Limits from people hold as long as observations are what Person says of them. */
+    LimitSet guarantees;
+    /** configure() accepted to recover from a start outside the limits, or inside but without a stop that stays there.
+    The host refuses such a start otherwise. */
+    bool recovers = false;
+};
+
 /** Changes the desired torque so that limits of the nominal arm hold. */
 class SafetyFilter : public Plugin {
 public:
-    /** True when the filter guarantees every limit in every tick, from every start that configure()
-    and reset() accepted. The host holds it to that word: a limit broken under a guarantee ends the
-    run with exit code 3: a state from which no stop within the limits exists, or a limit passed. False for laws
-    that merely try. */
-    virtual bool guaranteesLimits() const = 0;
-
-    /** True when that guarantee includes that the nominal arm touches nothing of RunSetup::surroundings, as long as they
-    stay as they are but for known paths, nor itself. Valid after configure(). */
-    virtual bool guaranteesClearance() const;
-
-    /** True when that guarantee includes RobotDescription::speedLimits for the nominal arm. Valid after configure(). */
-    virtual bool guaranteesSpeed() const;
-
-    /** True when that guarantee includes that nobody of RunSetup::people is touched by a point of the nominal arm that is
-    faster than the person's contact speed, as long as observations are what Person says of them. Valid after configure(). */
-    virtual bool guaranteesSeparation() const;
-
-    /** True when configure() accepted to recover from a start outside the limits, or inside but
-    without a stop that stays there; the host refuses such a start otherwise. Valid after configure(). */
-    virtual bool recovers() const;
+    using Traits = FilterTraits;
+    virtual FilterTraits traits() const = 0;
 
     /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the tick
     (see areUsable). True when the filter works by them from now on, approaching as fast as jerk allows what it cannot

@@ -10,7 +10,7 @@ class ArmRecursion;
 
 /** How fast the motors of a simulated arm can change their torque: as robots do that cut faster changes off
 (TorqueConvention::torqueRate). A plant splices kMotorRateParameters into its table beside kArmHardwareParameters, and per
-tick cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. It tells the host (RealPlant::motorRate()):
+tick cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. It tells the host (PlantTraits::motorRate):
 the robust loop learns it, and the summary counts the ticks in which it acted.
 Real time: no allocation, lock or throw after configure(). */
 class MotorRate {

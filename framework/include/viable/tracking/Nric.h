@@ -82,7 +82,7 @@ public:
     void configure(const RunSetup& setup, const NricOptions& options);
 
     void holdIntegral() override { isIntegralHeld_ = true; }
-    const LinearErrorLoop* errorLoop() const override { return &loop_; }
+    RobustTraits traits() const override { return {loop_}; }
 
     void reset(const MotionState& start) override;
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,

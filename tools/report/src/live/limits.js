@@ -1,4 +1,3 @@
-const KINDS = ['position', 'velocity', 'acceleration', 'jerk', 'torque', 'clearance', 'speed', 'separation'];
 // A controller that knows the limits asks for nothing beyond them, and the filter then has nothing to tell. What holds the arm
 // back is what it is at while the command is ahead of it: a joint at its limit, and what is near where the arm rests.
 const AHEAD_M = 0.005;
@@ -39,7 +38,7 @@ export function limitsOf(frame, run) {
   const isStill = Array.from(frame('qd')).every((qd) => Math.abs(qd) < STILL_RADPS);
   const isClose = isLate && isStill && run.environment !== null && frame('clearance')[0] < run.environment.safety_distance_m + KEPT_M;
   return Array.from(frame('limit'), (code, i) => {
-    if (code > 0) return `${KINDS[Math.floor((code - 1) / 2)]}_${code % 2 === 1 ? 'lower' : 'upper'}`;
+    if (code > 0) return `${run.limits[Math.floor((code - 1) / 2)]}_${code % 2 === 1 ? 'lower' : 'upper'}`;
     return isLate ? limitAt(frame, run, i, isClose) : null;
   });
 }

@@ -48,6 +48,7 @@ async function readRun(live) {
     links: json.links,
     obstacles: json.obstacles,
     moves: json.moves,
+    limits: json.limits,
     places: json.places,
     hasReal: json.has_real,
     tick_s: json.tick_s,

@@ -1,4 +1,4 @@
-#include "summary/ArmMotion.h"
+#include "limits/ArmMotion.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,17 +1,18 @@
-#include "summary/SpeedCounter.h"
+#include "summary/LimitCounter.h"
 
 #include <gtest/gtest.h>
 
+#include "limits/PointSpeedLimit.h"
 #include "viable/testing/TwoLinkArm.h"
 
 namespace viable {
 namespace {
 
 /** Rows of an arm whose first joint has so many rad/s in each of them; in those of `late` the reading is the one before. */
-Speeds judge(const std::vector<double>& velocity, const std::vector<bool>& late) {
+LimitAccount judge(const std::vector<double>& velocity, const std::vector<bool>& late) {
     RobotDescription robot = testing::makeTwoLinkArm();
     robot.speedLimits.tool = 10.0;
-    detail::SpeedCounter counter(robot, nullptr, true);
+    detail::LimitCounter counter(LimitKind::Speed, std::make_unique<detail::PointSpeedLimit>(robot, nullptr), true);
     TickRecord row;
     row.nominal.q = row.nominal.qd = JointVector::Zero(2);
     for (std::size_t k = 0; k < velocity.size(); ++k) {
@@ -23,13 +24,13 @@ Speeds judge(const std::vector<double>& velocity, const std::vector<bool>& late)
         if (row.hasReading) row.actual = {row.nominal.q, row.nominal.qd};
         counter.add(row);
     }
-    return counter.speeds();
+    return counter.account();
 }
 
-TEST(SpeedCounter, AReadingThatStandsThereAgainIsNoJump) {
+TEST(LimitCounter, AReadingThatStandsThereAgainIsNoJump) {
     const std::vector<double> velocity(7, 1.0);
-    const Speeds all = judge(velocity, std::vector<bool>(7, false));
-    const Speeds late = judge(velocity, {false, false, true, true, true, false, false});
+    const LimitAccount all = judge(velocity, std::vector<bool>(7, false));
+    const LimitAccount late = judge(velocity, {false, false, true, true, true, false, false});
     ASSERT_TRUE(all.real && late.real);
     EXPECT_GT(all.real->largest, 0.1);
     EXPECT_NEAR(all.real->largest, all.nominal.largest, 1e-12);
@@ -39,15 +40,15 @@ TEST(SpeedCounter, AReadingThatStandsThereAgainIsNoJump) {
     EXPECT_EQ(late.nominal.ticks, 6);
 }
 
-TEST(SpeedCounter, NothingIsMadeUpForAGap) {
+TEST(LimitCounter, NothingIsMadeUpForAGap) {
     std::vector<double> velocity(120, 1.0);  // it coasts, and brakes in the last part of the gap
     for (std::size_t k = 100; k < velocity.size(); ++k) velocity[k] = 1.0 - 0.05 * static_cast<double>(k - 99);
     std::vector<bool> late(velocity.size(), true);
     late.front() = late.back() = false;
     late[1] = false;
-    const Speeds found = judge(velocity, late);
+    const LimitAccount found = judge(velocity, late);
     EXPECT_NEAR(found.real->largest, found.nominal.largest, 1e-9);
-    EXPECT_LE(found.real->use, found.nominal.use + 1e-12);
+    EXPECT_LE(found.real->worst, found.nominal.worst + 1e-12);
 }
 
 }  // namespace

@@ -1,0 +1,146 @@
+#include "limits/LimitRows.h"
+
+#include <array>
+#include <atomic>
+#include <mutex>
+
+#include "core/Text.h"
+
+namespace viable {
+
+namespace {
+
+using detail::format;
+using detail::formatPlain;
+
+constexpr int kFirst = static_cast<int>(kFirstArmLimit);
+
+/** The log's channels that are of no limit. */
+constexpr const char* kOtherChannels[] = {"nominal", "real",     "actual",  "desired", "filter", "limits", "robust",
+                                          "motor",   "external", "command", "live",    "pace",   "tick"};
+
+/** "rad/s^2" as names have it: "radps2". */
+std::string makeSuffix(const std::string& unit) {
+    std::string suffix;
+    for (const char c : unit)
+        if (c == '/')
+            suffix += 'p';
+        else if (c != '^')
+            suffix += c;
+    return suffix;
+}
+
+std::string tellAnyWorst(const ArmLimitRecord& r) {
+    std::string text = "worst " + formatPlain(r.worst);
+    if (!r.part.empty()) text += " (" + r.part + (r.other.empty() ? "" : " to " + r.other) + ")";
+    return text + format(" at %.3f s", r.worst_s);
+}
+
+std::string tellAnyArm(const LimitAccount& account, const ArmLimitRecord& r) {
+    std::string text = tellAnyWorst(r);
+    if (account.limit) text += ", limit " + formatPlain(*account.limit);
+    text += format(", beyond it in %lld ticks", static_cast<long long>(r.brokenTicks));
+    if (r.firstBroken_s) text += format(" (first at %.3f s)", *r.firstBroken_s);
+    return text;
+}
+
+void setIfEmpty(std::string& text, const std::string& value) {
+    if (text.empty()) text = value;
+}
+
+/** What the row leaves open follows from the kind's name and unit. */
+LimitRow complete(LimitRow row, LimitKind kind) {
+    const std::string name = getName(kind, LimitSide::Neither), unit = getUnit(kind, false);
+    const std::string end = unit.empty() ? "" : "_" + makeSuffix(unit);
+    setIfEmpty(row.label, name);
+    setIfEmpty(row.limitWord, row.label);
+    setIfEmpty(row.kept, row.label + " kept");
+    setIfEmpty(row.guarantee, row.label);
+    setIfEmpty(row.broken, "the arm broke its limit of " + row.label);
+    setIfEmpty(row.verdict, "the %s arm broke its limit of " + row.label + ": ");
+    setIfEmpty(row.breach, row.verdict);
+    setIfEmpty(row.remedy, " (larger limits of that kind, or a command that keeps to them)");
+    setIfEmpty(row.heading, row.label + (unit.empty() ? "" : "[" + unit + "]"));
+    setIfEmpty(row.block, name);
+    setIfEmpty(row.columnBlock, row.block);
+    if (!row.tellWorst) row.tellWorst = tellAnyWorst;
+    if (!row.tellArm) row.tellArm = tellAnyArm;
+    using R = LimitReport;
+    if (row.columns.empty() && row.lessIsWorse)
+        row.columns = {{"known", &R::isKnown}, {"margin" + end, &R::margin}, {"link", &R::link}};
+    else if (row.columns.empty())
+        row.columns = {
+            {"known", &R::isKnown}, {"value" + end, &R::value}, {"limit" + end, &R::limit}, {"link", &R::link}};
+    using A = ArmLimitRecord;
+    if (row.figures.empty()) {
+        setIfEmpty(row.limitKey, "limit" + end);
+        row.figures = {{"worst" + end, &A::worst, "worst" + end, unit, "Worst of " + row.label},
+                       {"ticks_broken", &A::brokenTicks, "ticks_broken", "", "Ticks beyond the limit of " + row.label},
+                       {"worst_s", &A::worst_s},
+                       {"first_broken_s", &A::firstBroken_s},
+                       {"part", &A::part}};
+    }
+    return row;
+}
+
+/** Rows are never changed nor destroyed: a kind that gets another one keeps the first for those who have it. */
+struct RowTable {
+    RowTable() {
+        set(LimitKind::Clearance, detail::makeClearanceRow());
+        set(LimitKind::Speed, detail::makePointSpeedRow());
+        set(LimitKind::Separation, detail::makeSeparationRow());
+    }
+    void set(LimitKind kind, LimitRow row) { at(kind) = new LimitRow(complete(std::move(row), kind)); }
+    std::atomic<const LimitRow*>& at(LimitKind kind) {
+        return rows[static_cast<std::size_t>(static_cast<int>(kind) - kFirst)];
+    }
+
+    std::array<std::atomic<const LimitRow*>, kMostLimitKinds - kFirst> rows{};
+    std::mutex adding;
+};
+
+RowTable& getRows() {
+    static RowTable& rows = *new RowTable;
+    return rows;
+}
+
+}  // namespace
+
+LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row) {
+    RowTable& rows = getRows();
+    const std::lock_guard<std::mutex> guard(rows.adding);
+    for (const char* channel : kOtherChannels)
+        if (name == channel)
+            throw badInput("kind of limit '" + name + "'", "that is the name of another channel of the log",
+                           "Choose another name.");
+    const LimitKind kind = addLimitKind(name, unit);
+    if (kind < kFirstArmLimit)
+        throw badInput("kind of limit '" + name + "'", "that is a limit of the joints", "Choose another name.");
+    const LimitRow* const old = rows.at(kind);
+    if (!old || (!old->make && row.make)) rows.set(kind, std::move(row));
+    return kind;
+}
+
+const LimitRow& getLimitRow(LimitKind kind) {
+    RowTable& rows = getRows();
+    if (const LimitRow* row = rows.at(kind)) return *row;
+    addLimit(getName(kind, LimitSide::Neither), getUnit(kind, false), {});
+    return *rows.at(kind);
+}
+
+std::vector<LimitKind> listArmLimits() {
+    std::vector<LimitKind> kinds;
+    for (int k = kFirst; k < countLimitKinds(); ++k) kinds.push_back(static_cast<LimitKind>(k));
+    return kinds;
+}
+
+LimitSet findLimits(const LimitScene& scene) {
+    LimitSet found;
+    for (const LimitKind kind : listArmLimits()) {
+        const LimitRow& row = getLimitRow(kind);
+        found.set(kind, row.make && (!row.exists || row.exists(scene)));
+    }
+    return found;
+}
+
+}  // namespace viable

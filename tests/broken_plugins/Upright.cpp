@@ -1,0 +1,80 @@
+// A kind of limit of somebody else's, "the tool stays upright within 20 degrees": one class and one row. And a filter that
+// guarantees it and does not keep it.
+#include <algorithm>
+#include <cmath>
+
+#include "BrokenPlugin.h"
+#include "viable/limits/ArmLimit.h"
+#include "viable/robot/RobotModel.h"
+
+namespace {
+
+constexpr double kMostTilt_deg = 20.0;
+
+/** How far the tool's x axis points away from where it points at home. */
+class Upright : public viable::ArmLimit {
+public:
+    explicit Upright(const viable::RobotDescription& robot)
+        : model_(robot), still_(viable::JointVector::Zero(robot.size())), upright_(findAxis(robot.home)) {}
+
+    double findTilt_deg(const viable::JointVector& q) {
+        return std::acos(std::clamp(findAxis(q).dot(upright_), -1.0, 1.0)) * 180.0 / viable::kPi;
+    }
+    viable::LimitSample sample(const viable::ArmSample& arm) override {
+        viable::LimitSample found;
+        found.value = findTilt_deg(arm.q);
+        found.isBroken = found.value > kMostTilt_deg;
+        found.part = "tool";
+        return found;
+    }
+    std::optional<double> limit() const override { return kMostTilt_deg; }
+
+private:
+    Eigen::Vector3d findAxis(const viable::JointVector& q) {
+        model_.calcDynamics(q, still_, dynamics_);
+        return dynamics_.tool.orientation * Eigen::Vector3d::UnitX();
+    }
+
+    viable::RobotModel model_;
+    viable::JointVector still_;
+    viable::Dynamics dynamics_;
+    Eigen::Vector3d upright_;
+};
+
+viable::LimitRow makeRow() {
+    viable::LimitRow row;
+    row.make = [](const viable::LimitScene& scene) -> std::unique_ptr<viable::ArmLimit> {
+        return std::make_unique<Upright>(scene.robot);
+    };
+    return row;
+}
+
+const viable::LimitKind kUpright = viable::addLimit("upright", "deg", makeRow());
+
+/** Passes everything on, and tells how far the tool is tilted. */
+class UprightFilter : public broken::Filter {
+public:
+    void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
+        Filter::configure(setup, parameters);
+        upright_ = std::make_unique<Upright>(setup.robot);
+    }
+    viable::FilterTraits traits() const override { return {{kUpright}}; }
+    viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
+        const viable::FilterStatus status = Filter::filter(input, decision);
+        viable::LimitReport& report = decision.reports[kUpright];
+        report.isKnown = true;
+        report.value = upright_->findTilt_deg(input.nominal.q);
+        report.limit = kMostTilt_deg;
+        if (report.value <= report.limit) return status;
+        decision.joints[0] = {kUpright, viable::LimitSide::Upper};
+        return viable::FilterStatus::Modified;
+    }
+
+private:
+    std::unique_ptr<Upright> upright_;
+};
+
+}  // namespace
+
+VIABLE_PLUGIN(viable::SafetyFilter, UprightFilter, "upright", "Guarantees that the tool stays upright, and lies.",
+              nullptr)

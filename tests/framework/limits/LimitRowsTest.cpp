@@ -1,0 +1,114 @@
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "viable/limits/ArmLimit.h"
+
+namespace viable {
+namespace {
+
+TEST(LimitSet, IsASetOfKinds) {
+    LimitSet set{LimitKind::Speed, LimitKind::Jerk};
+    EXPECT_TRUE(set.has(LimitKind::Speed));
+    EXPECT_FALSE(set.has(LimitKind::Clearance) || set.hasJoints());
+    EXPECT_EQ(set & LimitSet::joints(), LimitSet{LimitKind::Jerk});
+    EXPECT_TRUE((set | LimitSet::joints()).hasJoints());
+    set.set(LimitKind::Speed, false);
+    EXPECT_EQ(set, LimitSet{LimitKind::Jerk});
+    set.set(LimitKind::Jerk, false);
+    EXPECT_TRUE(set.isEmpty());
+    EXPECT_NE(LimitSet::joints(), set);
+}
+
+TEST(LimitReports, WhatIsNotKnownIsAsBefore) {
+    LimitReports before, now;
+    before[LimitKind::Clearance].isKnown = before[LimitKind::Speed].isKnown = true;
+    before[LimitKind::Clearance].margin = 1.0;
+    before[LimitKind::Speed].value = 2.0;
+    now[LimitKind::Speed].isKnown = true;
+    now[LimitKind::Speed].value = 3.0;
+    now.complete(before);
+    EXPECT_EQ(now[LimitKind::Clearance].margin, 1.0);
+    EXPECT_EQ(now[LimitKind::Speed].value, 3.0);
+    EXPECT_FALSE(now[LimitKind::Separation].isKnown);
+}
+
+std::string errorOf(const std::function<void()>& call) {
+    try {
+        call();
+    } catch (const Error& e) {
+        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
+        return e.what();
+    }
+    return "";
+}
+
+class Nothing : public ArmLimit {
+    LimitSample sample(const ArmSample&) override { return {}; }
+};
+
+TEST(LimitRows, WhatARowLeavesOpenFollowsFromNameAndUnit) {
+    const LimitKind sway = addLimit("sway", "rad/s^2", {});
+    const LimitRow& row = getLimitRow(sway);
+    EXPECT_EQ(row.kept, "sway kept");
+    EXPECT_EQ(row.broken, "the arm broke its limit of sway");
+    EXPECT_EQ(row.verdict, "the %s arm broke its limit of sway: ");
+    EXPECT_EQ(row.heading, "sway[rad/s^2]");
+    EXPECT_EQ(row.block, "sway");
+    EXPECT_EQ(row.limitKey, "limit_radps2");
+    ASSERT_EQ(row.columns.size(), 4u);
+    EXPECT_EQ(row.columns[1].name, "value_radps2");
+    ASSERT_FALSE(row.figures.empty());
+    EXPECT_EQ(row.figures[0].key, "worst_radps2");
+    EXPECT_STREQ(getName(sway, LimitSide::Lower), "sway_lower");
+    EXPECT_STREQ(getUnit(sway, true), "rad/s^2");
+    ArmLimitRecord record;
+    record.worst = 2.5;
+    record.worst_s = 0.25;
+    record.part = "hand";
+    EXPECT_EQ(row.tellWorst(record), "worst 2.5 (hand) at 0.250 s");
+    LimitAccount account;
+    account.limit = 2.0;
+    record.brokenTicks = 3;
+    record.firstBroken_s = 0.125;
+    EXPECT_EQ(row.tellArm(account, record),
+              "worst 2.5 (hand) at 0.250 s, limit 2, beyond it in 3 ticks (first at 0.125 s)");
+    LimitRow distance;
+    distance.lessIsWorse = true;
+    EXPECT_EQ(getLimitRow(addLimit("gap", "m", distance)).columns[1].name, "margin_m");
+}
+
+TEST(LimitRows, AKindIsCountedByTheFirstRowThatCanCountIt) {
+    const LimitKind named = addLimit("read_from_a_log", "m", {});
+    LimitRow row;
+    row.make = [](const LimitScene&) -> std::unique_ptr<ArmLimit> { return std::make_unique<Nothing>(); };
+    row.kept = "one";
+    EXPECT_EQ(addLimit("read_from_a_log", "m", row), named);
+    EXPECT_EQ(getLimitRow(named).kept, "one");
+    row.kept = "two";
+    addLimit("read_from_a_log", "m", row);
+    EXPECT_EQ(getLimitRow(named).kept, "one");
+    EXPECT_EQ(addLimit("speed", "m/s", {}), LimitKind::Speed);
+    EXPECT_EQ(getLimitRow(LimitKind::Speed).kept, "speed limits kept");
+}
+
+TEST(LimitRows, NamesThatCannotBeAreRefused) {
+    EXPECT_NE(errorOf([] { addLimit("Sway", "", {}); }).find("is no word of small letters"), std::string::npos);
+    EXPECT_NE(errorOf([] { addLimit("", "", {}); }).find("is no word of small letters"), std::string::npos);
+    EXPECT_NE(errorOf([] { addLimit("jerk", "", {}); }).find("that is a limit of the joints"), std::string::npos);
+    EXPECT_NE(errorOf([] { addLimit("motor", "Nm", {}); }).find("is the name of another channel of the log"),
+              std::string::npos);
+}
+
+TEST(LimitRows, WhereThereIsNoRoomForOneMoreItIsSaid) {
+    std::string error;
+    for (int k = 0; k < kMostLimitKinds && error.empty(); ++k)
+        error = errorOf([&] { addLimit("more_" + std::to_string(k), "m", {}); });
+    EXPECT_NE(error.find("there is no room for it beside 11 others"), std::string::npos) << error;
+    EXPECT_EQ(countLimitKinds(), kMostLimitKinds);
+    EXPECT_EQ(listArmLimits().size(),
+              static_cast<std::size_t>(kMostLimitKinds) - static_cast<std::size_t>(kFirstArmLimit));
+}
+
+}  // namespace
+}  // namespace viable

@@ -1,0 +1,89 @@
+// A kind of limit that a plugin brings along, by one class and one row: the program knows it wherever it knows its own.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "ExpectContains.h"
+#include "Program.h"
+#include "records/LogReader.h"
+#include "viable/limits/ArmLimit.h"
+
+namespace viable {
+namespace {
+
+using test::expectContains;
+using test::Outcome;
+
+const char* const kTipping = R"(schema: 1
+title: a tool that tips
+robot: single_joint
+duration_s: 1
+command: {plugin: waypoints, points: [[0, 1], [1, -1]], repeat_s: 2}
+controller: {plugin: joint_pd}
+cases: {A: {filter: {plugin: upright}}, B: {filter: {plugin: pass_through}}}
+)";
+
+TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
+    const test::TemporaryFolder folder;
+    const std::string file = folder.write("e.yaml", kTipping);
+    const Outcome run = test::run({"run", file, "--out", folder / "run"});
+    EXPECT_EQ(run.code, 3) << run.err;
+    expectContains(run.out, {"upright[deg]", "guarantee broken, the arm broke its limit of upright", "no upright",
+                             "the nominal arm broke its limit of upright: worst ", "limit 20, beyond it in"});
+
+    const nlohmann::json summary =
+        nlohmann::json::parse(test::readFile(std::filesystem::path(folder / "run") / "summary.json"));
+    const nlohmann::json &liar = summary["cases"][0], &passing = summary["cases"][1];
+    EXPECT_EQ(liar["exit_code"], 3);
+    EXPECT_EQ(passing["exit_code"], 0);
+    EXPECT_EQ(liar["guarantees_upright"], true);
+    EXPECT_EQ(passing["guarantees_upright"], false);
+    for (const nlohmann::json* one : {&liar, &passing}) {
+        const nlohmann::json& nominal = (*one)["upright"]["nominal"];
+        EXPECT_GT(nominal["worst_deg"], 20.0);
+        EXPECT_GT(nominal["ticks_broken"], 100);
+        EXPECT_EQ(nominal["part"], "tool");
+        EXPECT_EQ((*one)["upright"]["limit_deg"], 20.0);
+    }
+
+    // This process has not loaded the plugin: the log tells its reader.
+    LogReader reader(std::filesystem::path(folder / "run") / "A.mcap");
+    const LimitKind kind = addLimitKind("upright", "deg");
+    EXPECT_TRUE(reader.layout().limits.has(kind));
+    std::vector<std::string> columns;
+    for (const LogColumn& column : reader.columns()) columns.push_back(column.name());
+    for (const char* name : {"upright.known", "upright.value_deg", "upright.limit_deg", "upright.link"})
+        EXPECT_EQ(std::count(columns.begin(), columns.end(), name), 1) << name;
+    TickRecord row;
+    double worst = 0.0;
+    bool acts = false;
+    while (reader.read(row)) {
+        ASSERT_TRUE(row.reports[kind].isKnown);
+        EXPECT_EQ(row.reports[kind].limit, 20.0);
+        worst = std::max(worst, row.reports[kind].value);
+        acts |= row.joints[0].limit == kind;
+    }
+    EXPECT_TRUE(acts);
+    EXPECT_NEAR(worst, liar["upright"]["nominal"]["worst_deg"], 0.1);
+
+    const std::string report = test::readFile(std::filesystem::path(folder / "run") / "report.html");
+    expectContains(report,
+                   {"upright, ticks beyond", "the nominal arm broke its limit of upright", "\"upright_upper\""});
+    const Outcome again = test::run({"report", folder / "run"});
+    EXPECT_EQ(again.code, 0) << again.err;
+    expectContains(test::readFile(std::filesystem::path(folder / "run") / "report.html"), {"upright, ticks beyond"});
+}
+
+TEST(LimitKind, OfAPluginIsCheckedBeforeARun) {
+    const test::TemporaryFolder folder;
+    const Outcome kept = test::run({"check", folder.write("e.yaml", kTipping)});
+    EXPECT_EQ(kept.code, 0) << kept.err;
+    expectContains(kept.out, {"limits   upright guaranteed", "limits   upright not guaranteed", "e.yaml: ok"});
+    const Outcome tipped =
+        test::run({"check", folder.write("t.yaml", std::string(kTipping) + "start: {position_rad: [0.5]}\n")});
+    EXPECT_EQ(tipped.code, 0) << tipped.err;
+    expectContains(tipped.out, {"WARNING  at the start the arm broke its limit of upright: worst 28.6 (tool)"});
+}
+
+}  // namespace
+}  // namespace viable
