@@ -12,8 +12,8 @@ namespace viable::detail {
 
 struct StopPair;
 
-/** Looks whether people can be touched, by a part of the arm that is faster than it may be then, on a path: speed and separation
-monitoring with the arm's own stop in the place of a worst one. A path is good when for every capsule of the arm, every person and
+/** Looks whether people can be touched, by a part of the arm that is faster than it may be then, on a path: the
+monitoring of ISO/TS 15066, with the arm's own stop in the place of a worst one. A path is good when for every capsule of the arm, every person and
 every time t until the capsule rests
 
     m(t) = distance(capsule(t), axes seen) - radius - error - maxSpeed (t - since) > 0,
