@@ -1,60 +1,16 @@
 #pragma once
 
 #include <array>
-#include <memory>
 
-#include "host/IsolatedPlugin.h"
-#include "host/PluginCall.h"
-#include "host/PluginLoader.h"
 #include "loop/FollowingWatch.h"
+#include "loop/LoopPlugins.h"
+#include "loop/LoopStatus.h"
+#include "loop/NominalArm.h"
 #include "loop/SensorCheck.h"
-#include "loop/StopMonitor.h"
-#include "simulation/CommandStream.h"
 #include "tracking/TrackingBound.h"
 #include "viable/log/TickRecord.h"
-#include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
-
-/** The plugins of a loop, configured. Robust loop and real plant may be null, both or none. */
-struct LoopPlugins {
-    PluginPtr<CommandSource> command{nullptr, nullptr};
-    std::unique_ptr<CommandStream> stream;  ///< that the command comes over to the controller; null: none
-    PluginPtr<NominalController> controller{nullptr, nullptr};
-    PluginPtr<SafetyFilter> filter{nullptr, nullptr};
-    PluginPtr<RobustLoop> robustLoop{nullptr, nullptr};
-    PluginPtr<RealPlant> realPlant{nullptr, nullptr};
-    /** By PluginKind: who is called, for messages; null: nobody watches. Must outlive the loop. A chain of filters
-    watches its own. */
-    std::array<PluginWatch*, kPluginKinds.size()> watches{};
-};
-
-/** Destroys them one by one, each under its watch. */
-void destroyPlugins(LoopPlugins& plugins) noexcept;
-
-/** Why the arm was braked to a stop before the end of the run. */
-enum class StopReason : unsigned char {
-    None,
-    Requested,         ///< by the user (a signal)
-    CommandFailed,     ///< no usable command for more than kMaxSubstitutedTicks, or it threw
-    ControllerFailed,  ///< no usable torque for more than kMaxSubstitutedTicks, or it threw
-    FilterFailed,      ///< no usable decision, or it threw
-    FilterEnded,       ///< it ended the run itself after a tick without an admissible choice
-    RobustLoopFailed,  ///< it threw or gave no usable torque
-    GuaranteeBroken,   ///< a decision without a stop within the limits, from a filter that guarantees them
-    TicksMissed,       ///< more than kMaxMissedTicks in a row were missed
-    TrackingLost,      ///< the real arm, as measured, left the bound around the nominal one
-    NotFollowing,      ///< there is no bound, and the real arm ran away or oscillated (see FollowingWatch)
-    PlantFailed,       ///< the real plant failed: the loop ends at once, there is nothing to brake
-    /** A measured position jumped farther than a joint can move, or there was no usable external torque for
-    more than kMaxSubstitutedTicks. */
-    SensorFailed,
-};
-
-/** How many ticks in a row a missing or unusable command or torque is replaced by the last good
- * one. */
-inline constexpr int kMaxSubstitutedTicks = 10;
 
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
@@ -88,8 +44,6 @@ struct RealArmOptions {
     JointVector robustRate{};
 };
 
-class StageTimer;
-
 /** The tick: command, dynamics, controller, filter, monitor, nominal plant, robust loop, real plant.
 
 Guarantees: no torque that is not finite or beyond 1e9 Nm reaches a plant; the nominal arm advances by exactly
@@ -121,140 +75,102 @@ public:
 
     /** Brakes the nominal arm from the next tick on. The first reason stays, unless it was Requested and a
     failure follows. */
-    void requestStop(StopReason reason, const char* message) noexcept { beginStop(reason, message); }
+    void requestStop(StopReason reason, const char* message) noexcept { loop_.beginStop(reason, message); }
 
     /** From the next tick on the nominal arm follows the stop held ready and then rests: command, controller and filter do
     not run, and the command's time stands still. Robust loop and plant go on. resume() takes up the command where it
     was; both are as smooth as that stop and the filter's decisions: without a step of the torque where the filter guarantees
     its limits. Nobody looks at obstacles that move meanwhile. Each may be called between any two ticks. */
-    void pause() noexcept { isPaused_ = true; }
-    void resume() noexcept { isPaused_ = false; }
-    bool isPaused() const { return isPaused_; }
+    void pause() noexcept { nominalArm_.pause(); }
+    void resume() noexcept { nominalArm_.resume(); }
+    bool isPaused() const { return nominalArm_.isPaused(); }
     /** Paused, and come to rest. */
-    bool isHolding() const { return isPaused_ && holdBegun_ && monitor_.atRest(nominal_); }
+    bool isHolding() const { return nominalArm_.isHolding(); }
 
     /** Destroys the plant, which lets a robot hold itself; no tick may follow. */
     void letGoOfPlant() noexcept;
 
-    bool isStopping() const { return stopReason_ != StopReason::None; }
+    bool isStopping() const { return loop_.isStopping(); }
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
     arm at exact rest, the robust loop at work. */
-    bool hasStopped() const;
+    bool hasStopped() const { return hasFailed() || nominalArm_.hasStopped(); }
     /** True when no stop can be made: the plant is gone, or the arithmetic is; or when a robot (a plant with a
     clock) goes on though it was told to brake, and is left to its own stop. */
-    bool hasFailed() const { return ended_; }
+    bool hasFailed() const { return loop_.hasEnded(); }
 
-    StopReason stopReason() const { return stopReason_; }
-    const char* stopMessage() const { return stopMessage_; }  ///< what the plugin said, or what was wrong
-    const char* stopRemedy() const { return stopRemedy_; }    ///< a sentence; may be empty
-    double stopTime() const { return stopTime_; }             ///< [s]
-    double time() const;                                      ///< of the next tick [s]
+    StopReason stopReason() const { return loop_.reason(); }
+    const char* stopMessage() const { return loop_.message(); }  ///< what the plugin said, or what was wrong
+    const char* stopRemedy() const { return loop_.remedy(); }    ///< a sentence; may be empty
+    double stopTime() const { return loop_.stopTime(); }         ///< [s]
+    double time() const { return loop_.time(); }                 ///< of the next tick [s]
     /** What the command is asked for next: time() less the pauses [s]. */
-    double commandTime() const;
+    double commandTime() const { return nominalArm_.commandTime(); }
 
     bool hasClock() const { return hasClock_; }  ///< the plant makes the ticks
 
-    const MotionState& nominal() const { return nominal_; }  ///< at time()
+    const MotionState& nominal() const { return nominalArm_.state(); }  ///< at time()
     /** The nominal arm `after_s` after time() on the stop held ready, one that holds jerks. */
-    void calcStop(double after_s, MotionState& state) const { monitor_.calcStop(nominal_, after_s, state); }
+    void calcStop(double after_s, MotionState& state) const { nominalArm_.calcStop(after_s, state); }
 
 private:
-    /** @param remedy  a literal */
-    void beginStop(StopReason reason, const char* message, const char* remedy = "") noexcept;
-    void lookAtPlant();
+    void moveToReal(MotionState& start) const;
+    void awaitPlant();
+    void readPlant();
     void readState();
     void readExternalTorque();
+    void judgeReading();
+    bool replaceStillReading(int joint);
     void checkTracking();
     void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
     void holdIntegral();
     void leaveToRobot();
-    void judgeReading();
-    bool replaceStillReading(int joint);
-    void takeCommand(double t);
-    void takeLimits(double t);
-    void decide(TickRecord& record, StageTimer& timer);
-    /** @param missed  ticks before this one, in which it was not asked */
-    void takeTorque(std::int64_t missed);
-    void tellSkippedTicks();
-    void countPause();
-    void startAtReal();
-    bool takeDecision();
-    bool passMonitor();
-    void followStop();
-    void fillRecord(TickRecord& record, bool decided) const;
-    void finishTick(TickRecord& record, StageTimer& timer, bool drives);
-    void awaitPlant();
-    void passTick(TickRecord& record, bool hasPlant) noexcept;
-    void takeRobustTorque();
+    void calcMotorTorque();
     bool askRobustLoop();
     void endRobustLoop(bool isAsked);
     void limitRelease(const JointVector& lastRobust, const JointVector& lastMotor);
     void drivePlant();
-    /** Runs `call`, the work of a plugin of that kind; an exception becomes `faulted` and its text the stop message. */
-    template <class Status, class Call>
-    Status contain(PluginKind kind, Status faulted, const Call& call) noexcept;
-    PluginWatch* findWatch(PluginKind kind) const { return plugins_.watches[static_cast<std::size_t>(kind)]; }
+    void passTick(TickRecord& record, bool hasPlant) noexcept;
+    void fillRecord(TickRecord& record, bool hasReading) const;
+    void finishTick(TickRecord& record, StageTimer& timer, bool drives);
 
     const RunSetup& setup_;
     LoopPlugins plugins_;
     const RealArmOptions options_;
-    RobotModel model_;
-    int n_;
+    const int n_;
+    LoopStatus loop_;
+    NominalArm nominalArm_;
 
-    std::int64_t tickIndex_ = 0;
-    MotionState nominal_;
-    JointState real_, actual_;
-    Dynamics dynamics_;
-    MotionCommand command_, newCommand_;
-    MotionCommand received_;  // what has come of command_ over the stream
-    ControllerOutput output_;
-    JointVector desiredTorque_, wantedTorque_, robustTorque_, motorTorque_, appliedTorque_;
-    JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
-    FilterDecision decision_;
-    HeldMotion motion_;  // of decision_
-    FilterStatus status_ = FilterStatus::Passed;
-    StopMonitor monitor_;
-    StopVerdict verdict_ = StopVerdict::Safe;
-    JointLimits limits_;
-
-    bool guarantees_ = false;  // the filter's word
-    bool hasTorque_ = false;
-    int missingCommands_ = 0;
-    int missingTorques_ = 0;
-    int missingExternalTorques_ = 0;
-    SensorCheck sensors_;
-    detail::FollowingWatch following_;
-    JointState plausible_;  // what the robust loop gets of real_
-    std::array<bool, kMaxJoints> isPlausible_{};
-    bool isTrackingLost_ = false, isIntegralHeld_ = false;
-    bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for
-    double leftLimits_s_ = 0.0;   // when first
-    std::int64_t substituted_ = 0;
-    bool hasClock_ = false;               // the plant
-    bool isRead_ = false;                 // the plant's clock, for a tick that is still to come
-    std::int64_t ticksToMiss_ = 0;        // of the plant's clock, already passed
-    bool hasReading_ = false;             // one has been looked at since reset()
-    bool hasDriven_ = false;              // the plant, since reset(): motorTorque_ is what its motors were told last
+    // The plant's clock.
+    bool hasClock_ = false;
+    bool isRead_ = false;                 // for a tick that is still to come
+    std::int64_t ticksToMiss_ = 0;        // already passed
     std::int64_t ticksSinceReading_ = 1;  // between the present reading and the one before
     int missedInRow_ = 0;
-    std::int64_t skippedTicks_ =
-        0;                          // missed or paused ones since the filter ran last; it has not been told of them yet
-    std::int64_t pausedTicks_ = 0;  // since reset()
-    bool isPaused_ = false;         // from the next tick on
-    bool holdBegun_ = false;        // a tick of the pause has been taken
 
-    StopReason stopReason_ = StopReason::None;
-    double stopTime_ = 0.0;
-    char stopMessage_[512] = "";
-    const char* stopRemedy_ = "";
-    bool stopBegun_ = false;        // a tick of the stop has been taken
-    bool ended_ = false;            // see hasFailed()
-    bool drifts_ = false;           // away though its motors had torque to spare
+    // What is read.
+    JointState real_, actual_;
+    JointState plausible_;  // what the robust loop gets of real_
+    std::array<bool, kMaxJoints> isPlausible_{};
+    SensorCheck sensors_;
+    bool hasReading_ = false;     // one has been looked at since reset()
+    JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
+    int missingExternalTorques_ = 0;
+
+    // Whether the arm follows.
+    detail::FollowingWatch following_;
+    bool isTrackingLost_ = false, isIntegralHeld_ = false;
+    JointVector lostError_;       // when the tracking was lost, at least the bound
+    bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for
+    double leftLimits_s_ = 0.0;   // when first
+    bool drifts_ = false;         // away though its motors had torque to spare
+
+    // What the motors are told.
+    JointVector robustTorque_, motorTorque_, appliedTorque_;
+    bool hasDriven_ = false;        // since reset(): motorTorque_ is what the motors were told last
     bool robustLoopEnded_ = false;  // it failed, or swings: its torque goes to zero
     bool isLoopAsked_ = true;       // meanwhile
     int releaseTicks_ = 0;          // since then
-    JointVector lostError_;         // when the tracking was lost, at least the bound
     JointVector releasedTorque_;    // at the beginning of a release without asking [Nm]
 };
 
