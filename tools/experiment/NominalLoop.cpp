@@ -7,7 +7,9 @@
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "summary/Summary.h"
+#include "viable/braking/DesiredJerk.h"
 #include "viable/core/Numbers.h"
+#include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
@@ -91,33 +93,36 @@ int findRestless(const Loop& loop, int displaced) {
     const auto n = static_cast<int>(loop.jerk.size());
     const double dt = loop.tick_s;
     const auto ticks = static_cast<std::int64_t>(kFollowed_s / dt), lastQuarter = 3 * ticks / 4;
-    JointVector x = kDisplacement * JointVector::Unit(n, displaced), v = JointVector::Zero(n), a = v, squared = v,
-                before;
+    const JointVector still = JointVector::Zero(n);
+    MotionState arm{kDisplacement * JointVector::Unit(n, displaced), still, still};
+    JointVector squared = still;  // jerks
+    const bool holdsJerk = loop.gamma > 0.0;
+    DesiredJerk law;
+    if (holdsJerk) law.configure(loop.gamma, dt);
+    FilterDecision decision;
     std::vector<JointFollowing> following(static_cast<std::size_t>(n));
     for (std::int64_t k = 0; k < ticks; ++k) {
-        const JointVector desired = -(loop.stiffness.lazyProduct(x) + loop.damping.lazyProduct(v));
-        if (k == 0) before = desired;
-        for (int i = 0; i < n; ++i) {
-            double u = 0.0;
-            if (loop.gamma > 0.0) {
-                u = (desired[i] - before[i]) / dt - loop.gamma * (a[i] - desired[i]);
-                u = std::clamp(u, -loop.jerk[i], loop.jerk[i]);
-                u = std::clamp(a[i] + u * dt, -loop.acceleration[i], loop.acceleration[i]) / dt - a[i] / dt;
-            } else {
-                a[i] = std::clamp(desired[i], -loop.acceleration[i], loop.acceleration[i]);
+        const JointVector desired = -(loop.stiffness.lazyProduct(arm.q) + loop.damping.lazyProduct(arm.qd));
+        if (holdsJerk) {
+            law.calc(arm.qdd, desired, nullptr, decision.value);
+            for (int i = 0; i < n; ++i) {
+                const double most = loop.acceleration[i];
+                double& jerk = decision.value[i];
+                jerk = std::clamp(jerk, -loop.jerk[i], loop.jerk[i]);
+                jerk = std::clamp(arm.qdd[i] + jerk * dt, -most, most) / dt - arm.qdd[i] / dt;
+                if (k >= lastQuarter) squared[i] += jerk * jerk;
             }
-            x[i] += dt * (v[i] + dt * (a[i] / 2.0 + dt * u / 6.0));
-            v[i] += dt * (a[i] + dt * u / 2.0);
-            a[i] += dt * u;
-            following[static_cast<std::size_t>(i)].add(kScale * x[i], 0.0, kInfinity, dt);
-            if (k >= lastQuarter) squared[i] += u * u;
+        } else {
+            decision.holdAcceleration(desired.cwiseMax(-loop.acceleration).cwiseMin(loop.acceleration));
         }
-        before = desired;
+        advanceNominal(decision, dt, arm);
+        for (int i = 0; i < n; ++i) following[static_cast<std::size_t>(i)].add(kScale * arm.q[i], 0.0, kInfinity, dt);
         Eigen::Index farthest = 0;
-        const double size = x.cwiseAbs().maxCoeff(&farthest);
+        const double size = arm.q.cwiseAbs().maxCoeff(&farthest);
         if (!(size < kGrown * kDisplacement)) return static_cast<int>(farthest);
-        const bool rests = size < kRest * kDisplacement && (v.cwiseAbs().array() * dt < kRest * kDisplacement).all() &&
-                           (a.cwiseAbs().array() <= kRest * loop.acceleration.array().min(1.0)).all();
+        const bool rests = size < kRest * kDisplacement &&
+                           (arm.qd.cwiseAbs().array() * dt < kRest * kDisplacement).all() &&
+                           (arm.qdd.cwiseAbs().array() <= kRest * loop.acceleration.array().min(1.0)).all();
         if (rests) return -1;
     }
     int worst = -1;
