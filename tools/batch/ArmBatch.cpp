@@ -219,7 +219,8 @@ struct ArmBatch::Impl {
     FilterInput wish(int arm, Scratch& s);
     bool decide(int arm, Scratch& s, FilterStatus& status);
     void brake(int arm, Scratch& s);
-    GuardStatus tick(int arm, Scratch& s);
+    /** @param isLast  of a step */
+    GuardStatus tick(int arm, Scratch& s, bool isLast);
 
     RobotDescription robot;
     ArmBatchOptions options;
@@ -506,8 +507,9 @@ void ArmBatch::Impl::brake(int arm, Scratch& s) {
     s.decision.joints = {};
 }
 
-GuardStatus ArmBatch::Impl::tick(int arm, Scratch& s) {
-    const bool needsDynamics = options.action != BatchAction::Target || !real.empty();
+GuardStatus ArmBatch::Impl::tick(int arm, Scratch& s, bool isLast) {
+    // Targets need none; of the last tick the torque is told.
+    const bool needsDynamics = options.action != BatchAction::Target || !real.empty() || isLast;
     if (needsDynamics) recursion->calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
 
     FilterStatus status = FilterStatus::StoppedByPlan;
@@ -539,18 +541,8 @@ void ArmBatch::Impl::stepArm(int arm, const double* actions, int substeps, Scrat
     s.torque = s.jerk = JointVector::Zero(n);
     std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
     status = GuardStatus::Passed;
-    for (int i = 0; i < substeps && status != GuardStatus::Failed; ++i) {
-        if (i + 1 == substeps && options.action == BatchAction::Target && real.empty()) {
-            // The torque of the last tick; no other one needs the dynamics.
-            const MotionState before = s.nominal;
-            status = std::max(status, tick(arm, s));
-            recursion->calcDynamics(before.q, before.qd, s.dynamics);
-            calcHeldMotion({before, s.torque, s.dynamics, nullptr}, FilterStatus::Modified, s.decision, tick_s,
-                           s.motion);
-        } else {
-            status = std::max(status, tick(arm, s));
-        }
-    }
+    for (int i = 0; i < substeps && status != GuardStatus::Failed; ++i)
+        status = std::max(status, tick(arm, s, i + 1 == substeps));
     row(state.q, arm) = s.nominal.q;
     row(state.qd, arm) = s.nominal.qd;
     row(state.qdd, arm) = s.nominal.qdd;
