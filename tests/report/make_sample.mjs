@@ -504,7 +504,7 @@ function makeCase(index) {
     buckets,
     joints,
     status: binary.add(status),
-    tick_time: { edges_us: edges, counts },
+    tick_time: { edges_us: edges, counts, late: counts.reduce((sum, n, i) => sum + (edges[i] >= 1e6 * TICK * (1 - 1e-6) ? n : 0), 0) },
     replay: {
       step_s: stride * TICK,
       n: frames,

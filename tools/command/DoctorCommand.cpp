@@ -77,9 +77,8 @@ std::string describeGranted(const Measurement& measured) {
 
 std::string formatTimes(const LatencyHistogram& times) {
     if (times.count() == 0) return detail::format("%9s %9s %9s %9s", "-", "-", "-", "-");
-    return detail::format("%9.1f %9.1f %9.1f %9.1f", 1e-3 * times.calcQuantile_ns(0.5),
-                          1e-3 * times.calcQuantile_ns(0.99), 1e-3 * times.calcQuantile_ns(0.999),
-                          1e-3 * static_cast<double>(times.worst_ns()));
+    return detail::format("%9.1f %9.1f %9.1f %9.1f", times.calcQuantile_us(0.5), times.calcQuantile_us(0.99),
+                          times.calcQuantile_us(0.999), 1e-3 * static_cast<double>(times.worst_ns()));
 }
 
 std::string formatCount(const LoopTimes& times, std::int64_t count) {

@@ -11,6 +11,7 @@
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "log/LogMetadata.h"
+#include "realtime/LatencyHistogram.h"
 #include "records/LogReader.h"
 #include "report/BinaryBlock.h"
 #include "report/Obstacles.h"
@@ -119,31 +120,27 @@ std::uint16_t toCode(FilterStatus status) {
     return std::min<std::uint16_t>(static_cast<std::uint16_t>(status), 5);
 }
 
-/** Times on a logarithmic scale, ten bins a decade. */
-class TimeBins {
+/** How many ticks took how long. */
+class TickTimes {
 public:
-    void add(double us) {
+    void add(double us, double tick_us) {
         if (!(us > 0.0)) return;
-        const double bin = std::floor((std::log10(us) + 1.0) * kPerDecade);
-        ++counts_[static_cast<std::size_t>(std::clamp(bin, 0.0, counts_.size() - 1.0))];
+        times_.add_us(us);
+        late_ += us >= tick_us;
     }
     json describe() const {
-        const auto isUsed = [](std::int64_t n) { return n > 0; };
-        const auto first = std::find_if(counts_.begin(), counts_.end(), isUsed);
-        const auto last = std::find_if(counts_.rbegin(), counts_.rend(), isUsed).base();
         json edges = json::array(), counts = json::array();
-        for (auto bin = first; bin < last; ++bin) {
-            edges.push_back(edge(bin - counts_.begin()));
-            counts.push_back(*bin);
-        }
-        if (first < last) edges.push_back(edge(last - counts_.begin()));
-        return {{"edges_us", edges}, {"counts", counts}};
+        times_.visitCoarseBuckets([&](std::int64_t lower_ns, std::int64_t upper_ns, std::int64_t count) {
+            if (edges.empty()) edges.push_back(1e-3 * static_cast<double>(std::max<std::int64_t>(lower_ns, 1)));
+            edges.push_back(1e-3 * static_cast<double>(upper_ns));
+            counts.push_back(count);
+        });
+        return {{"edges_us", edges}, {"counts", counts}, {"late", late_}};
     }
 
 private:
-    static constexpr double kPerDecade = 10.0;
-    static double edge(std::ptrdiff_t bin) { return std::pow(10.0, static_cast<double>(bin) / kPerDecade - 1.0); }
-    std::array<std::int64_t, 80> counts_{};  // from 0.1 us to 10 s
+    LatencyHistogram times_;
+    std::int64_t late_ = 0;  // that took a tick or longer
 };
 
 /** The columns external.<joint>.tau_Nm; none where the log has not all of them. */
@@ -219,8 +216,8 @@ public:
         status_.add({toCode(r.status)});
         addPose(nominal_, r.nominal.q);
         if (hasRealArm_) addPose(real_, r.real.q);
-        times_.add(r.compute_us);
-        if (r.interval_us > 0.0) jitter_.add(std::abs(r.interval_us - 1e6 * tick_s_));
+        times_.add(r.compute_us, 1e6 * tick_s_);
+        if (r.interval_us > 0.0) jitter_.add(std::abs(r.interval_us - 1e6 * tick_s_), 1e6 * tick_s_);
         ++rows_;
     }
 
@@ -341,7 +338,7 @@ private:
     detail::Samples nominal_, real_, rest_, nearest_;
     std::vector<double> values_, pose_, nearestRow_;
     std::vector<std::uint16_t> actives_;
-    TimeBins times_, jitter_;
+    TickTimes times_, jitter_;
     json takes_ = json::array();
     std::int64_t take_ = 0;  // of the last row
     JointVector lastVelocity_;

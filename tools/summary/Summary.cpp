@@ -11,10 +11,6 @@ namespace viable {
 
 namespace {
 
-constexpr double kShortest_us = 0.01;
-constexpr double kLongest_us = 1e7;
-constexpr double kBinWidth = 0.03;  // relative
-
 // What counts as rest near a limit, see Summary::chatter().
 constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
 
@@ -29,34 +25,7 @@ constexpr double kLeastCut = 1e-6;
 /** Of the motor's torque limit: the robust loop's torque that counts as a push to one side. */
 constexpr double kPushShare = 0.2;
 
-int findBin(double us) {
-    const double x = std::log(std::max(us, kShortest_us) / kShortest_us) / std::log1p(kBinWidth);
-    return static_cast<int>(std::min(x, 1e6));
-}
-
-const int kBins = findBin(kLongest_us) + 1;
-
 }  // namespace
-
-TimeHistogram::TimeHistogram() : bins_(kBins, 0) {}
-
-void TimeHistogram::add(double us) {
-    ++bins_[std::min(findBin(us), kBins - 1)];
-    ++count_;
-    max_ = std::max(max_, us);
-}
-
-double TimeHistogram::percentile(double p) const {
-    if (count_ == 0) return 0.0;
-    const double wanted = p * static_cast<double>(count_);
-    std::int64_t seen = 0;
-    for (int i = 0; i < kBins; ++i) {
-        seen += bins_[i];
-        if (static_cast<double>(seen) >= wanted && bins_[i] > 0)
-            return std::min(max_, kShortest_us * std::pow(1.0 + kBinWidth, i + 0.5));
-    }
-    return max_;
-}
 
 Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
     : jointNames_(std::move(jointNames)),
@@ -441,8 +410,8 @@ void Summary::add(const TickRecord& record) {
     if (statusTicks_[static_cast<int>(record.status)]++ == 0 && record.status == FilterStatus::Infeasible)
         firstInfeasible_s_ = record.time_s;
     substituted_ = record.substituted;
-    tickTime_.add(record.compute_us);
-    for (int s = 0; s < kStageCount; ++s) stageTimes_[s].add(record.stage_us[s]);
+    tickTime_.add_us(record.compute_us);
+    for (int s = 0; s < kStageCount; ++s) stageTimes_[s].add_us(record.stage_us[s]);
 }
 
 int Summary::worstJoint(LimitKind kind) const {

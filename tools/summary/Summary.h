@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "realtime/LatencyHistogram.h"
 #include "tracking/TrackingBound.h"
 #include "viable/core/JointLimits.h"
 #include "viable/limits/ArmLimit.h"
@@ -18,24 +19,6 @@
 #include "viable/loop/GuardSummary.h"
 
 namespace viable {
-
-/** Counts times in bins of 3 % width between 10 ns and 10 s; fixed memory, no allocation after
- * construction. */
-class TimeHistogram {
-public:
-    TimeHistogram();
-    void add(double us);
-    std::int64_t count() const { return count_; }
-    double max() const { return max_; }
-    /** The time [us] that a share `p` (0..1) of all counted ones does not exceed, to the bin's 3 %;
-    0 when nothing was counted. */
-    double percentile(double p) const;
-
-private:
-    std::vector<std::int64_t> bins_;
-    std::int64_t count_ = 0;
-    double max_ = 0.0;
-};
 
 /** What one side of one limit did to one joint. An episode is a row of ticks without a gap. */
 struct InterventionRecord {
@@ -274,8 +257,8 @@ public:
     /** Ticks without a usable external torque. */
     std::int64_t externalTorqueMissing() const { return externalTorqueMissing_; }
 
-    const TimeHistogram& tickTime() const { return tickTime_; }
-    const TimeHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
+    const LatencyHistogram& tickTime() const { return tickTime_; }
+    const LatencyHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
     const std::vector<std::string>& jointNames() const { return jointNames_; }
     /** The joint's figures are in m and N, not in rad and Nm. */
     bool slides(int joint) const { return slides_[static_cast<std::size_t>(joint)]; }
@@ -358,8 +341,8 @@ private:
     std::int64_t substituted_ = 0;
     JointVector squaredError_, largestError_;
     std::int64_t readings_ = 0;  // of the real arm
-    TimeHistogram tickTime_;
-    std::array<TimeHistogram, kStageCount> stageTimes_;
+    LatencyHistogram tickTime_;
+    std::array<LatencyHistogram, kStageCount> stageTimes_;
 };
 
 }  // namespace viable

@@ -77,10 +77,10 @@ public:
         std::tie(last.column, last.unit, last.label, last.over) = std::tie(name, unit, label, over);
         return last;
     }
-    void addTimes(const std::function<const TimeHistogram&(S)>& get) {
-        add("median_us", [get](S s) { return get(s).percentile(0.5); });
-        add("p99_us", [get](S s) { return get(s).percentile(0.99); });
-        add("max_us", [get](S s) { return get(s).max(); });
+    void addTimes(const std::function<const LatencyHistogram&(S)>& get) {
+        add("median_us", [get](S s) { return get(s).calcQuantile_us(0.5); });
+        add("p99_us", [get](S s) { return get(s).calcQuantile_us(0.99); });
+        add("max_us", [get](S s) { return get(s).worst_us(); });
     }
     void addExtreme(const char* block, const char* key, const ExtremeRecord& (Summary::*get)() const) {
         begin(block);
@@ -297,7 +297,7 @@ std::vector<SummaryFigure> makeFigures() {
     for (int i = 0; i < kStageCount; ++i) {
         const auto stage = static_cast<Stage>(i);
         t.begin(std::string("stages.") + getName(stage) + ".");
-        t.addTimes([stage](S s) -> const TimeHistogram& { return s.stageTime(stage); });
+        t.addTimes([stage](S s) -> const LatencyHistogram& { return s.stageTime(stage); });
     }
     return t.figures;
 }

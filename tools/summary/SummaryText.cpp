@@ -397,9 +397,9 @@ std::string formatReal(const Summary& s) {
 }
 
 std::string formatTimes(const char* name, const LatencyHistogram& h) {
-    return format("  %-13s p50 %.1f, p99 %.1f, p99.9 %.1f, worst %.1f us (tick %lld)\n", name,
-                  1e-3 * h.calcQuantile_ns(0.5), 1e-3 * h.calcQuantile_ns(0.99), 1e-3 * h.calcQuantile_ns(0.999),
-                  1e-3 * static_cast<double>(h.worst_ns()), static_cast<long long>(h.worstTick()));
+    return format("  %-13s p50 %.1f, p99 %.1f, p99.9 %.1f, worst %.1f us (tick %lld)\n", name, h.calcQuantile_us(0.5),
+                  h.calcQuantile_us(0.99), h.calcQuantile_us(0.999), 1e-3 * static_cast<double>(h.worst_ns()),
+                  static_cast<long long>(h.worstTick()));
 }
 
 std::string formatLive(const LiveTiming& live) {
@@ -478,7 +478,7 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                        static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
                        s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
                        s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(), worst.c_str(),
-                       s.tickTime().percentile(0.5), s.tickTime().percentile(0.99));
+                       s.tickTime().calcQuantile_us(0.5), s.tickTime().calcQuantile_us(0.99));
         if (r.stopReason != StopReason::None) text.insert(text.size() - 1, format("  STOPPED at %.3f s", r.stopTime_s));
     }
     return text + kLegend + legend + (sliding == Sliding::Some ? "1e-3: mrad, and mm of joints that slide.\n" : "");
@@ -554,10 +554,10 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         const bool isRanked = isEqual(*r, *model);
         text += format("%2s %-22s |", isRanked ? std::to_string(++place).c_str() : "-", r->name.c_str());
         for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
-        text +=
-            format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
-                   static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
-                   formatCommandError(s).c_str(), formatChatter(s).c_str(), s.stageTime(Stage::Filter).percentile(0.5));
+        text += format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
+                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
+                       formatCommandError(s).c_str(), formatChatter(s).c_str(),
+                       s.stageTime(Stage::Filter).calcQuantile_us(0.5));
         std::string remarks;
         for (const LimitKind kind : ranking)
             if (const std::int64_t ticks = countBroken(s, kind); ticks > 0)
@@ -660,13 +660,12 @@ std::string formatDetails(const CaseResult& r) {
         text += "\n" + formatReal(s);
         if (s.trip()) text += formatTrip(s);
     }
-    text +=
-        format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:", s.tickTime().percentile(0.5),
-               s.tickTime().percentile(0.99), s.tickTime().max());
+    text += format("  tick          median %.1f us, p99 %.1f us, max %.1f us (median / p99:",
+                   s.tickTime().calcQuantile_us(0.5), s.tickTime().calcQuantile_us(0.99), s.tickTime().worst_us());
     for (int i = 0; i < kStageCount; ++i) {
-        const TimeHistogram& h = s.stageTime(static_cast<Stage>(i));
-        text += format("%s %s %.1f / %.1f", i ? "," : "", getName(static_cast<Stage>(i)), h.percentile(0.5),
-                       h.percentile(0.99));
+        const LatencyHistogram& h = s.stageTime(static_cast<Stage>(i));
+        text += format("%s %s %.1f / %.1f", i ? "," : "", getName(static_cast<Stage>(i)), h.calcQuantile_us(0.5),
+                       h.calcQuantile_us(0.99));
     }
     text += ")\n";
     if (r.live) text += formatLive(*r.live);

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <numeric>
 
 namespace viable {
 
@@ -28,6 +31,10 @@ public:
         }
         ++count_;
     }
+    /** The same for a time as logs have it; NaN counts as 0. */
+    void add_us(double time_us) {
+        add(time_us > 0.0 ? static_cast<std::int64_t>(std::llround(1e3 * std::min(time_us, 1e12))) : 0);
+    }
     /** Adds all that another one has counted. Of two equally bad worst times this one's tick stays. */
     void merge(const LatencyHistogram& other);
 
@@ -41,6 +48,8 @@ public:
     /** The sample with rank ceil(share * count), so that at least this share is no longer. @param share  0 to 1: 0.5 is
     the median, 0.999 p99.9 @return [ns] within 1.6 %, never above worst_ns() or below smallest_ns() */
     double calcQuantile_ns(double share) const;
+    double calcQuantile_us(double share) const { return 1e-3 * calcQuantile_ns(share); }
+    double worst_us() const { return static_cast<double>(worst_ns_) / 1e3; }
 
     /** Calls visit(lower_ns, upper_ns, count) for every bucket that is not empty, upwards; a time t is in it where
     lower_ns <= t < upper_ns (the last one has no upper end). */
@@ -49,12 +58,24 @@ public:
         for (std::size_t i = 0; i < kBuckets; ++i)
             if (counts_[i] > 0) visit(getLower_ns(i), getLower_ns(i + 1), counts_[i]);
     }
+    /** The same for four buckets per power of two, all from the first to the last that is not empty. */
+    template <class Visit>
+    void visitCoarseBuckets(Visit&& visit) const {
+        if (count_ == 0) return;
+        const std::size_t last = getBucket(worst_ns_) / kCoarse;
+        for (std::size_t i = getBucket(smallest_ns_) / kCoarse; i <= last; ++i) {
+            const auto begin = counts_.begin() + static_cast<std::ptrdiff_t>(i * kCoarse);
+            visit(getLower_ns(i * kCoarse), getLower_ns((i + 1) * kCoarse),
+                  std::accumulate(begin, begin + kCoarse, std::int64_t{0}));
+        }
+    }
     /** {"count", "mean_us", "p50_us", "p99_us", "p999_us", "worst_us", "worst_tick", "buckets_us": [[lower, upper, count],
     ...]}; times in microseconds, worst_tick null where no tick was told. Nothing counted: {"count": 0}. */
     nlohmann::json toJson() const;
 
 private:
     static constexpr int kFineBits = 5;                                 // 32 buckets per power of two
+    static constexpr std::size_t kCoarse = 8;                           // of them are one coarse bucket
     static constexpr std::size_t kExact = std::size_t{2} << kFineBits;  // 64 buckets of 1 ns
     static constexpr int kLastBit = 40;                                 // longest time told apart: 2^40 ns
     static constexpr std::size_t kBuckets = kExact + (std::size_t{kLastBit - kFineBits - 1} << kFineBits);

@@ -73,6 +73,29 @@ TEST(LatencyHistogram, TimesWithoutEndAndBeforeTheirStartAreCounted) {
     EXPECT_EQ(histogram.calcQuantile_ns(0.5), 0.0);
 }
 
+TEST(LatencyHistogram, CoarseBucketsLieSideBySideAndHoldWhatTheFineOnesHold) {
+    LatencyHistogram histogram;
+    histogram.visitCoarseBuckets([](std::int64_t, std::int64_t, std::int64_t) { FAIL(); });
+    for (const double time_us : {0.2, 0.25, 3.0, 3.1, 900.0}) histogram.add_us(time_us);
+    histogram.add_us(std::nan(""));
+    std::int64_t end = 0, count = 0;
+    histogram.visitCoarseBuckets([&](std::int64_t lower_ns, std::int64_t upper_ns, std::int64_t inIt) {
+        EXPECT_EQ(lower_ns, end);
+        EXPECT_LE(upper_ns, std::max<std::int64_t>(lower_ns * 5 / 4, lower_ns + 8));
+        std::int64_t fine = 0;
+        histogram.visitBuckets([&](std::int64_t lower, std::int64_t upper, std::int64_t n) {
+            if (lower >= lower_ns && upper <= upper_ns) fine += n;
+        });
+        EXPECT_EQ(inIt, fine);
+        end = upper_ns;
+        count += inIt;
+    });
+    EXPECT_EQ(count, 6);
+    EXPECT_GT(end, 900'000);
+    EXPECT_LT(end, 1'300'000);
+    EXPECT_DOUBLE_EQ(histogram.worst_us(), 900.0);
+}
+
 TEST(LatencyHistogram, MergedIsAsCountedByOne) {
     std::mt19937_64 random(2);
     LatencyHistogram all, parts[3], merged;

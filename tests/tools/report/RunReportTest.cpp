@@ -62,7 +62,7 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
     for (const json& one : report.data["cases"]) {
         std::vector<double> largest(4, -INFINITY), least(4, INFINITY);
         double lastTime = 0.0, largestMargin = -INFINITY;
-        std::int64_t rows = 0;
+        std::int64_t rows = 0, late = 0;
         LogReader reader(run.path() / (one["name"].get<std::string>() + ".mcap"));
         for (TickRecord r; reader.read(r); ++rows) {
             const double values[] = {r.nominal.q[0], r.nominal.qd[0], r.nominal.qdd[0], r.nominal.jerk[0]};
@@ -72,6 +72,7 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
             }
             largestMargin = std::max(largestMargin, r.stops[0].margin);
             lastTime = r.time_s;
+            late += r.compute_us >= 1e6 * one["tick_s"].get<double>();
         }
         EXPECT_EQ(one["rows"], rows);
         const std::size_t buckets = one["buckets"];
@@ -98,6 +99,7 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
         for (const json& count : one["tick_time"]["counts"]) counted += count.get<std::int64_t>();
         EXPECT_EQ(counted, rows);
         EXPECT_EQ(one["tick_time"]["edges_us"].size(), one["tick_time"]["counts"].size() + 1);
+        EXPECT_EQ(one["tick_time"]["late"], late);
         EXPECT_TRUE(one["jitter"]["counts"].empty());  // not in real time
     }
     EXPECT_EQ(report.data["cases"][0]["step_s"], 0.004);  // 20 s: four ticks a bucket

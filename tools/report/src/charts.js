@@ -431,8 +431,7 @@ export class HistogramChart {
   }
 
   #late(c) {
-    const { edges_us: edges, counts } = this.#of(c);
-    return counts.reduce((sum, count, i) => sum + (edges[i] >= this.#period * (1 - 1e-6) ? count : 0), 0);
+    return this.#of(c).late;
   }
 
   /** Per shown case the number of ticks in the class of a tick time. */

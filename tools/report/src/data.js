@@ -46,7 +46,7 @@
  *             "position_lower", "position_upper", "velocity_...", "acceleration_...", "jerk_...": ref | num | null },
  *           "active": ref u16, one per bucket: a bit for each limit that acted in it } ],
  *         "status": ref u16, one per bucket, the worst in it: an index into STATUS,
- *         "tick_time": { "edges_us": [...], "counts": [...] },
+ *         "tick_time": { "edges_us": [...], "counts": [...], "late": int (that took a tick or longer) },
  *         "jitter": the same, of how far the time between two ticks of a live run is from the tick's; not given: not live,
  *         "takes": [ { "number": int, "from_s", "to_s": num } ], what the operator of a live run recorded,
  *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
@@ -156,9 +156,9 @@ export class Case {
       throw new DataError(`${where}: tick_s, step_s and buckets must be positive.`);
     this.end = this.t0 + Math.min(this.buckets * this.step, (this.rows ?? Infinity) * this.tick); // the last may be part
     this.status = run.array(json.status, `${where}.status`, this.buckets);
-    this.tickTime = json.tick_time ?? { edges_us: [], counts: [] };
+    this.tickTime = json.tick_time ?? { edges_us: [], counts: [], late: 0 };
     this.takes = json.takes ?? [];
-    this.jitter = json.jitter ?? { edges_us: [], counts: [] };
+    this.jitter = json.jitter ?? { edges_us: [], counts: [], late: 0 };
     this.#joints = needArray(json.joints, `${where}.joints`);
     if (this.#joints.length !== run.joints.length)
       throw new DataError(`${where}: ${this.#joints.length} joints, the robot has ${run.joints.length}.`);
