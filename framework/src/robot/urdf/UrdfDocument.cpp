@@ -191,6 +191,8 @@ UrdfDocument::UrdfDocument(const std::filesystem::path& file) : file_(file.strin
     });
 }
 
+UrdfDocument::~UrdfDocument() = default;
+
 std::string UrdfDocument::print() const {
     Printer printer;
     xml_.Print(&printer);

@@ -25,6 +25,7 @@ class UrdfDocument {
 public:
     /** Throws Error (BadInput): the file cannot be read, or is no URDF at all. */
     explicit UrdfDocument(const std::filesystem::path& file);
+    ~UrdfDocument();  // there, so that other libraries need not link to tinyxml2
 
     const std::string& file() const { return file_; }
     /** The file's bytes. */
