@@ -14,6 +14,7 @@ trap 'rm -f "$new"' EXIT
 abidw --suppressions "$here/foreign_types.ini" --no-corpus-path --no-show-locs --no-comp-dir-path --no-elf-needed \
   --no-architecture --no-parameter-names --type-id-style hash --out-file "$new" "$library"
 sed -i "s|path='[^']*/Interface.cpp'|path='Interface.cpp'|" "$new"
+python3 "$here/strip.py" "$new" "$new"
 
 shopt -s nullglob
 records=("$here"/version_*.abi)
