@@ -490,7 +490,8 @@ Error explain(const YAML::Exception& problem, const std::string& where) {
         {YAML::ErrorMsg::ANCHOR_NOT_FOUND, "a value begins with `&`", "Put text that begins with & in quotes"},
     };
     for (const Explanation& explanation : explanations) {
-        if (problem.msg == explanation.message) {
+        // Its beginning: yaml-cpp 0.8 puts the name of an unknown anchor behind the message.
+        if (problem.msg.rfind(explanation.message, 0) == 0) {
             return badInput(where, explanation.what, explanation.remedy);
         }
     }
