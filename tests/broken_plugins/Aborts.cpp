@@ -10,5 +10,4 @@ class Aborts : public broken::LateFilter {
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Aborts, "aborts", "Calls abort() after the first after_ticks.",
-              broken::kLateParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, Aborts, "aborts", "Calls abort() after the first after_ticks.", broken::LateOptions)

@@ -13,4 +13,4 @@ class Allocates : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Allocates, "allocates",
-              "Takes memory from the heap in every tick after the first after_ticks.", broken::kLateParameters)
+              "Takes memory from the heap in every tick after the first after_ticks.", broken::LateOptions)

@@ -20,12 +20,22 @@ protected:
     std::int64_t ticks_ = 0;  ///< filter() calls since reset, the present one included
 };
 
+/** When a fault begins. */
+struct LateOptions {
+    std::int64_t afterTicks = 0;
+
+    template <class V>
+    void describe(V& v) {
+        v(afterTicks, "after_ticks", "Ticks that pass before the fault.").atLeast(0);
+    }
+};
+
 /** Misbehaves in every tick after the first `after_ticks`. */
 class LateFilter : public Filter {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
         Filter::configure(setup, parameters);
-        afterTicks_ = parameters.integer("after_ticks");
+        afterTicks_ = parameters.get<LateOptions>().afterTicks;
     }
     viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
         const viable::FilterStatus status = Filter::filter(input, decision);
@@ -56,24 +66,18 @@ protected:
     std::int64_t ticks_ = 0;  ///< compute() calls since reset, the present one included
 };
 
-inline constexpr viable::ParameterSpec kAfterTicks =
-    viable::parameter::integer("after_ticks", "0", "Ticks that pass before the fault.").atLeast(0);
-inline constexpr viable::ParameterSpec kLateParameters[] = {kAfterTicks};  ///< of a LateFilter
-inline constexpr viable::ParameterSpec kTicks =
-    viable::parameter::integer("ticks", "1", "Ticks that the fault lasts.").atLeast(0);
+/** When a fault begins and how long it lasts. */
+struct FaultWindow {
+    LateOptions begin;
+    std::int64_t ticks = 1;
 
-/** When a fault begins and how long it lasts, from the parameters above. */
-class FaultWindow {
-public:
-    void configure(const viable::Parameters& parameters) {
-        begin_ = parameters.integer("after_ticks");
-        length_ = parameters.integer("ticks");
+    template <class V>
+    void describe(V& v) {
+        begin.describe(v);
+        v(ticks, "ticks", "Ticks that the fault lasts.").atLeast(0);
     }
     /** @param tick  1 in the first tick */
-    bool contains(std::int64_t tick) const { return tick > begin_ && tick - begin_ <= length_; }
-
-private:
-    std::int64_t begin_ = 0, length_ = 0;
+    bool contains(std::int64_t tick) const { return tick > begin.afterTicks && tick - begin.afterTicks <= ticks; }
 };
 
 }  // namespace broken

@@ -11,4 +11,4 @@ class CallsExit : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, CallsExit, "calls_exit", "Calls exit(0) after the first after_ticks.",
-              broken::kLateParameters)
+              broken::LateOptions)

@@ -38,4 +38,5 @@ public:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, ChangesProcess, VIABLE_CHANGES_NAME, "Changes locale, folder and signals.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, ChangesProcess, VIABLE_CHANGES_NAME, "Changes locale, folder and signals.",
+              viable::NoOptions)

@@ -12,4 +12,4 @@ public:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, RoundingFilter, "changes_rounding", "Rounds upward.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, RoundingFilter, "changes_rounding", "Rounds upward.", viable::NoOptions)

@@ -8,29 +8,38 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {
-    viable::parameter::number("size_rad", "rad", "0.5", "Set-points are so far from the start.").atLeast(0.0),
-    viable::parameter::number("at_s", "s", ".inf", "When the limits change.").orInfinite(),
-    viable::parameter::number("position_share", "1", "1", "New position range by the old one."),
-    viable::parameter::number("rate_share", "1", "1", "The same for the other limits."),
-    viable::parameter::choice("fault", "none|nan|size|throw", "none", "What the new limits are."),
-    viable::parameter::integer("sleep_us", "0", "Longest random sleep in a tick.").atLeast(0)};
+struct ChangingLimitsOptions {
+    double size = 0.5, at_s = viable::kInfinity, positionShare = 1.0, rateShare = 1.0;
+    std::string fault = "none";
+    int sleep_us = 0;
+
+    template <class V>
+    void describe(V& v) {
+        v(size, "size_rad", "rad", "Set-points are so far from the start.").atLeast(0.0);
+        v(at_s, "at_s", "s", "When the limits change.").orInfinite();
+        v(positionShare, "position_share", "1", "New position range by the old one.");
+        v(rateShare, "rate_share", "1", "The same for the other limits.");
+        v(fault, "fault", "none|nan|size|throw", "What the new limits are.");
+        v(sleep_us, "sleep_us", "Longest random sleep in a tick.").atLeast(0);
+    }
+};
 
 /** Set-points to and fro, once a second; limits that change; a tick that takes its time. */
 class ChangingLimits : public viable::CommandSource {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        size_ = parameters.number("size_rad");
-        at_s_ = parameters.number("at_s");
-        fault_ = parameters.text("fault");
-        sleep_us_ = static_cast<int>(parameters.integer("sleep_us"));
+        const auto options = parameters.get<ChangingLimitsOptions>();
+        size_ = options.size;
+        at_s_ = options.at_s;
+        fault_ = options.fault;
+        sleep_us_ = options.sleep_us;
         limits_ = setup.limits;
-        const double share = parameters.number("position_share");
+        const double share = options.positionShare;
         const viable::JointVector middle = (limits_.position.lower + limits_.position.upper) / 2.0;
         for (viable::JointVector* side : {&limits_.position.lower, &limits_.position.upper})
             *side = middle + share * (*side - middle);
         for (viable::JointBounds* bounds : {&limits_.velocity, &limits_.acceleration, &limits_.jerk})
-            for (viable::JointVector* side : {&bounds->lower, &bounds->upper}) *side *= parameters.number("rate_share");
+            for (viable::JointVector* side : {&bounds->lower, &bounds->upper}) *side *= options.rateShare;
         if (fault_ == "nan") limits_.velocity.upper[0] = std::numeric_limits<double>::quiet_NaN();
         if (fault_ == "size") limits_.jerk.lower.conservativeResize(setup.size() + 1);
     }
@@ -69,4 +78,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::CommandSource, ChangingLimits, "changing_limits",
-              "Set-points to and fro, and limits that change once.", kParameters)
+              "Set-points to and fro, and limits that change once.", ChangingLimitsOptions)

@@ -18,4 +18,4 @@ struct Trap {
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, VIABLE_ON_LOAD_NAME, "Fails while it is loaded.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, VIABLE_ON_LOAD_NAME, "Fails while it is loaded.", viable::NoOptions)

@@ -18,4 +18,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, CrashesWhenDestroyed, "crashes_when_destroyed",
-              "Aborts in its destructor after a run.", nullptr)
+              "Aborts in its destructor after a run.", viable::NoOptions)

@@ -21,4 +21,4 @@ class DamagesHeap : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, DamagesHeap, "damages_heap",
-              "Writes over the end of its memory after the first after_ticks.", broken::kLateParameters)
+              "Writes over the end of its memory after the first after_ticks.", broken::LateOptions)

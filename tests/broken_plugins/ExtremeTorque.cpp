@@ -18,4 +18,4 @@ public:
 }  // namespace
 
 VIABLE_PLUGIN(viable::NominalController, ExtremeTorque, "extreme_torque",
-              "Cycles through +1e300, -1e300 and both smallest denormal numbers, tick by tick.", nullptr)
+              "Cycles through +1e300, -1e300 and both smallest denormal numbers, tick by tick.", viable::NoOptions)

@@ -6,22 +6,31 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {
-    broken::kAfterTicks,
-    viable::parameter::choice("mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance", "faulted",
-                              "How it fails."),
-    viable::parameter::integer("delay_ticks", "0", "What its traits() tell."),
-    viable::parameter::integer("rates", "0", "How many numbers its motorRate has."),
-    viable::parameter::number("rate_Nmps", "Nm/s", "1000", "Each of them.")};
+struct FailingPlantOptions {
+    broken::LateOptions late;
+    std::string mode = "faulted";
+    int delayTicks = 0, rates = 0;
+    double rate = 1000.0;
+
+    template <class V>
+    void describe(V& v) {
+        late.describe(v);
+        v(mode, "mode", "faulted|nan_state|wrong_size|throw_measured|throw_advance", "How it fails.");
+        v(delayTicks, "delay_ticks", "What its traits() tell.");
+        v(rates, "rates", "How many numbers its motorRate has.");
+        v(rate, "rate_Nmps", "Nm/s", "Each of them.");
+    }
+};
 
 /** Stands still until it fails. */
 class FailingPlant : public viable::RealPlant {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        afterTicks_ = parameters.integer("after_ticks");
-        mode_ = parameters.text("mode");
-        delayTicks_ = static_cast<int>(parameters.integer("delay_ticks"));
-        rate_.setConstant(parameters.integer("rates"), parameters.number("rate_Nmps"));
+        const auto options = parameters.get<FailingPlantOptions>();
+        afterTicks_ = options.late.afterTicks;
+        mode_ = options.mode;
+        delayTicks_ = options.delayTicks;
+        rate_.setConstant(options.rates, options.rate);
     }
     viable::PlantTraits traits() const override { return {viable::Encoder::Counts, delayTicks_, rate_}; }
     void reset(const viable::MotionState& start) override {
@@ -54,4 +63,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::RealPlant, FailingPlant, "failing_plant", "Fails in a chosen way after `after_ticks`.",
-              kParameters)
+              FailingPlantOptions)

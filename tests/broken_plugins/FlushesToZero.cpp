@@ -16,4 +16,4 @@ __attribute__((constructor)) static void setFastMath() {
 #endif
 }
 
-VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "flushes_to_zero", "Changes the arithmetic.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "flushes_to_zero", "Changes the arithmetic.", viable::NoOptions)

@@ -10,14 +10,22 @@ namespace {
 
 using viable::kMaxJoints;
 
-constexpr viable::ParameterSpec kParameters[] = {
-    viable::parameter::choice("lie", "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless|limit|side|status",
-                              "none", "What is wrong after `after_ticks`: the decision, or the witness handed over."),
-    broken::kAfterTicks,
-    viable::parameter::flag("witness", "true", "Hands over its stops."),
-    viable::parameter::flag("changes", "true", "Takes new limits, and brakes from then on."),
-    viable::parameter::flag("recovers", "false", "Accepts any start."),
-    viable::parameter::integer("clearance_ticks", "0", "Tells of a clearance in so many ticks.").atLeast(0),
+struct GuaranteeingOptions {
+    std::string lie = "none";
+    broken::LateOptions late;
+    bool hasWitness = true, changes = true, recovers = false;
+    std::int64_t clearanceTicks = 0;
+
+    template <class V>
+    void describe(V& v) {
+        v(lie, "lie", "none|jerk|creep|moving|outside|stop_jerk|nan|negative|endless|limit|side|status",
+          "What is wrong after `after_ticks`: the decision, or the witness handed over.");
+        late.describe(v);
+        v(hasWitness, "witness", "Hands over its stops.");
+        v(changes, "changes", "Takes new limits, and brakes from then on.");
+        v(recovers, "recovers", "Accepts any start.");
+        v(clearanceTicks, "clearance_ticks", "Tells of a clearance in so many ticks.").atLeast(0);
+    }
 };
 
 /** Moves every joint smoothly to and fro about its start, far from all limits, whatever the controller wants, and
@@ -27,12 +35,13 @@ public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
         Filter::configure(setup, parameters);
         limits_ = setup.limits;
-        lie_ = parameters.text("lie");
-        afterTicks_ = parameters.integer("after_ticks");
-        hasSuppliedStops_ = parameters.flag("witness");
-        changes_ = parameters.flag("changes");
-        recovers_ = parameters.flag("recovers");
-        clearanceTicks_ = parameters.integer("clearance_ticks");
+        const auto options = parameters.get<GuaranteeingOptions>();
+        lie_ = options.lie;
+        afterTicks_ = options.late.afterTicks;
+        hasSuppliedStops_ = options.hasWitness;
+        changes_ = options.changes;
+        recovers_ = options.recovers;
+        clearanceTicks_ = options.clearanceTicks;
     }
     void reset(const viable::MotionState& start) override {
         Filter::reset(start);
@@ -145,4 +154,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Guaranteeing, "guaranteeing",
-              "Guarantees every limit and keeps them, but for one lie.", kParameters)
+              "Guarantees every limit and keeps them, but for one lie.", GuaranteeingOptions)

@@ -14,4 +14,4 @@ class Hangs : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Hangs, "hangs", "Never comes back after the first after_ticks.",
-              broken::kLateParameters)
+              broken::LateOptions)

@@ -34,4 +34,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, HangsBeforeTicks, "hangs_before_ticks",
-              "Hangs in the call that VIABLE_HANGS_WHEN names.", nullptr)
+              "Hangs in the call that VIABLE_HANGS_WHEN names.", viable::NoOptions)

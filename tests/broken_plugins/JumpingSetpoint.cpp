@@ -4,13 +4,19 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {
-    viable::parameter::number("every_s", "s", "0.5", "Time between two jumps.").above(0.0)};
+struct JumpingSetpointOptions {
+    double every_s = 0.5;
+
+    template <class V>
+    void describe(V& v) {
+        v(every_s, "every_s", "s", "Time between two jumps.").above(0.0);
+    }
+};
 
 class JumpingSetpoint : public viable::CommandSource {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        every_s_ = parameters.number("every_s");
+        every_s_ = parameters.get<JumpingSetpointOptions>().every_s;
     }
     void reset(const viable::MotionState& start) override { start_ = start.q; }
     viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
@@ -31,4 +37,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::CommandSource, JumpingSetpoint, "jumping_setpoint",
-              "Jumps between the start, 2 pi and 1e6 rad away from it.", kParameters)
+              "Jumps between the start, 2 pi and 1e6 rad away from it.", JumpingSetpointOptions)

@@ -17,4 +17,4 @@ class Leaks : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Leaks, "leaks", "Loses 1 MB in every tick after the first after_ticks.",
-              broken::kLateParameters)
+              broken::LateOptions)

@@ -9,4 +9,4 @@ public:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Liar, "liar", "Guarantees every limit and keeps none.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, Liar, "liar", "Guarantees every limit and keeps none.", viable::NoOptions)

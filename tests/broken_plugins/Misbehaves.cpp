@@ -8,12 +8,23 @@
 
 namespace {
 
+struct MisbehavesOptions {
+    broken::LateOptions late;
+    std::string how = "not";
+
+    template <class V>
+    void describe(V& v) {
+        late.describe(v);
+        v(how, "how", "not|segfaults|exits|is_killed|hangs|refuses|eats_memory", "What it does from then on.");
+    }
+};
+
 /** Fails in the way that its parameter says, so that a sweep can draw who fails and how. */
 class Misbehaves : public broken::LateFilter {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
         LateFilter::configure(setup, parameters);
-        how_ = parameters.text("how");
+        how_ = parameters.get<MisbehavesOptions>().how;
         if (how_ == "refuses") throw viable::badInput("", "it does not want to");
     }
 
@@ -30,13 +41,7 @@ private:
     char* volatile eaten_ = nullptr;
 };
 
-constexpr viable::ParameterSpec kParameters[] = {
-    broken::kAfterTicks,
-    viable::parameter::choice("how", "not|segfaults|exits|is_killed|hangs|refuses|eats_memory", "not",
-                              "What it does from then on."),
-};
-
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Misbehaves, "misbehaves",
-              "Does what its parameter says in the tick after the first after_ticks.", kParameters)
+              "Does what its parameter says in the tick after the first after_ticks.", MisbehavesOptions)

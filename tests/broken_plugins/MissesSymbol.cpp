@@ -14,4 +14,5 @@ public:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, MissesSymbol, "misses_symbol", "Asks for a function that is not there.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, MissesSymbol, "misses_symbol", "Asks for a function that is not there.",
+              viable::NoOptions)

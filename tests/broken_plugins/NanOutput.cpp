@@ -13,4 +13,4 @@ class NanOutput : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, NanOutput, "nan_output", "Decides NaN in every tick after the first after_ticks.",
-              broken::kLateParameters)
+              broken::LateOptions)

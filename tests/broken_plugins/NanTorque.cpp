@@ -4,17 +4,27 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {
-    broken::kAfterTicks, broken::kTicks, viable::parameter::choice("value", "nan|inf", "nan", "What it gives."),
-    viable::parameter::integer("joint", "-1", "Only of this joint; -1: of all.").atLeast(-1)};
+struct NanTorqueOptions {
+    broken::FaultWindow window;
+    bool isInfinite = false;
+    std::int64_t joint = -1;
+
+    template <class V>
+    void describe(V& v) {
+        window.describe(v);
+        v(isInfinite, "value", "nan|inf", "What it gives.");
+        v(joint, "joint", "Only of this joint; -1: of all.").atLeast(-1);
+    }
+};
 
 class NanTorque : public broken::Controller {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        window_.configure(parameters);
-        value_ = parameters.text("value") == "nan" ? std::numeric_limits<double>::quiet_NaN()
-                                                   : std::numeric_limits<double>::infinity();
-        joint_ = parameters.integer("joint");
+        const auto options = parameters.get<NanTorqueOptions>();
+        window_ = options.window;
+        value_ =
+            options.isInfinite ? std::numeric_limits<double>::infinity() : std::numeric_limits<double>::quiet_NaN();
+        joint_ = options.joint;
     }
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
         const viable::TickStatus status = Controller::compute(input, output);
@@ -35,4 +45,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::NominalController, NanTorque, "nan_torque",
-              "Says Ok and gives no number for `ticks` ticks after the first `after_ticks`.", kParameters)
+              "Says Ok and gives no number for `ticks` ticks after the first `after_ticks`.", NanTorqueOptions)

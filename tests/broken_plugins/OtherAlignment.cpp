@@ -2,4 +2,4 @@
 #define EIGEN_MAX_ALIGN_BYTES 64
 #include "BrokenPlugin.h"
 
-VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "other_alignment", "Built otherwise.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "other_alignment", "Built otherwise.", viable::NoOptions)

@@ -4,4 +4,4 @@
 #endif
 #include "BrokenPlugin.h"
 
-VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "other_ndebug", "Built otherwise.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, broken::Filter, "other_ndebug", "Built otherwise.", viable::NoOptions)

@@ -14,4 +14,4 @@ class OverflowsStack : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, OverflowsStack, "overflows_stack",
-              "Calls itself without end after the first after_ticks.", broken::kLateParameters)
+              "Calls itself without end after the first after_ticks.", broken::LateOptions)

@@ -9,15 +9,24 @@ namespace {
 
 using namespace viable;
 
-const ParameterSpec kParameters[] = {
-    parameter::jointNumbers("push_Nm", "Nm", "0", "On each joint, while it lasts."),
-    parameter::number("push_at_s", "s", "0", "When it begins.").atLeast(0),
-    parameter::number("push_s", "s", "1", "How long it lasts.").atLeast(0),
-    parameter::jointNumbers("offset_rad", "rad", "0", "Error of the readings."),
-    parameter::number("offset_at_s", "s", "0", "From when on.").atLeast(0),
-    parameter::choice("fault", "none|nan|huge|size", "none", "Of the reading of the external torque."),
-    parameter::number("fault_at_s", "s", "0", "When it begins.").atLeast(0),
-    parameter::integer("fault_ticks", "0", "How long it lasts.").atLeast(0)};
+struct PushedPlantOptions {
+    PerJoint push = 0.0, offset = 0.0;
+    double pushAt_s = 0.0, push_s = 1.0, offsetAt_s = 0.0, faultAt_s = 0.0;
+    std::string fault = "none";
+    std::int64_t faultTicks = 0;
+
+    template <class V>
+    void describe(V& v) {
+        v(push, "push_Nm", "Nm", "On each joint, while it lasts.");
+        v(pushAt_s, "push_at_s", "s", "When it begins.").atLeast(0);
+        v(push_s, "push_s", "s", "How long it lasts.").atLeast(0);
+        v(offset, "offset_rad", "rad", "Error of the readings.");
+        v(offsetAt_s, "offset_at_s", "s", "From when on.").atLeast(0);
+        v(fault, "fault", "none|nan|huge|size", "Of the reading of the external torque.");
+        v(faultAt_s, "fault_at_s", "s", "When it begins.").atLeast(0);
+        v(faultTicks, "fault_ticks", "How long it lasts.").atLeast(0);
+    }
+};
 
 /** The nominal arm's own dynamics without any loss, pushed from outside; with sensors for that. */
 class PushedPlant : public RealPlant {
@@ -25,14 +34,15 @@ public:
     void configure(const RunSetup& setup, const Parameters& parameters) override {
         model_.emplace(setup.robot);
         tick_s_ = setup.tick_s;
-        push_ = parameters.jointNumbers("push_Nm");
-        offset_ = parameters.jointNumbers("offset_rad");
-        push0_ = toTick(parameters.number("push_at_s"));
-        push1_ = push0_ + toTick(parameters.number("push_s"));
-        offset0_ = toTick(parameters.number("offset_at_s"));
-        fault_ = parameters.text("fault");
-        fault0_ = toTick(parameters.number("fault_at_s"));
-        fault1_ = fault0_ + parameters.integer("fault_ticks");
+        const auto options = parameters.get<PushedPlantOptions>();
+        push_ = options.push.expand(setup.size());
+        offset_ = options.offset.expand(setup.size());
+        push0_ = toTick(options.pushAt_s);
+        push1_ = push0_ + toTick(options.push_s);
+        offset0_ = toTick(options.offsetAt_s);
+        fault_ = options.fault;
+        fault0_ = toTick(options.faultAt_s);
+        fault1_ = fault0_ + options.faultTicks;
     }
     void reset(const MotionState& start) override {
         tick_ = 0;
@@ -79,4 +89,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::RealPlant, PushedPlant, "pushed",
-              "The nominal arm's dynamics, pushed from outside, with readings that may be wrong.", kParameters)
+              "The nominal arm's dynamics, pushed from outside, with readings that may be wrong.", PushedPlantOptions)

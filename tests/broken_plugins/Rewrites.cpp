@@ -13,4 +13,4 @@ public:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, Rewrites, "rewrites", "Holds a jerk of 1 rad/s^3 for ever.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, Rewrites, "rewrites", "Holds a jerk of 1 rad/s^3 for ever.", viable::NoOptions)

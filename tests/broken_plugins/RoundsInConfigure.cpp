@@ -11,4 +11,4 @@ class RoundsInConfigure : public broken::Filter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, RoundsInConfigure, "rounds_in_configure", "Rounds upward from configure() on.",
-              nullptr)
+              viable::NoOptions)

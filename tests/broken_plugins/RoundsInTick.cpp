@@ -11,4 +11,4 @@ class RoundsInTick : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, RoundsInTick, "rounds_in_tick",
-              "Rounds upward in every tick after the first after_ticks.", broken::kLateParameters)
+              "Rounds upward in every tick after the first after_ticks.", broken::LateOptions)

@@ -26,4 +26,4 @@ public:
     }
 };
 
-VIABLE_PLUGIN(viable::SafetyFilter, SameFilter, VIABLE_SAME_CLASS_NAME, "Has a twin class.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, SameFilter, VIABLE_SAME_CLASS_NAME, "Has a twin class.", viable::NoOptions)

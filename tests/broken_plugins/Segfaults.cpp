@@ -10,4 +10,4 @@ class Segfaults : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, Segfaults, "segfaults",
-              "Writes through a null pointer in every tick after the first after_ticks.", broken::kLateParameters)
+              "Writes through a null pointer in every tick after the first after_ticks.", broken::LateOptions)

@@ -2,12 +2,10 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
 class SilentCommand : public viable::CommandSource {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        afterTicks_ = parameters.integer("after_ticks");
+        afterTicks_ = parameters.get<broken::LateOptions>().afterTicks;
     }
     void reset(const viable::MotionState& start) override {
         ticks_ = 0;
@@ -30,4 +28,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::CommandSource, SilentCommand, "silent_command", "Gives no command after the first `after_ticks`.",
-              kParameters)
+              broken::LateOptions)

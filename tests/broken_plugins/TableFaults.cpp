@@ -2,6 +2,7 @@
 // (viable_filter_<fault>.so) and spoils a healthy table as the name says under which it was loaded.
 #include <dlfcn.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <stdexcept>
@@ -11,12 +12,24 @@
 
 namespace {
 
+struct Options {
+    double gain = 1.0;
+    bool isB = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(gain, "gain", "1/s", "First.");
+        v(isB, "mode", "a|b", "Second.");
+    }
+};
+
 /** The healthy table of a filter of this name, to be spoiled. */
 struct Table {
     explicit Table(const char* name) {
-        parameters[0] = viable::parameter::number("gain", "1/s", "1", "First.");
-        parameters[1] = viable::parameter::choice("mode", "a|b", "a", "Second.");
-        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter>(name, "A broken table.", parameters);
+        const std::vector<viable::ParameterSpec>& healthy = viable::settingsOf<Options>();
+        std::copy(healthy.begin(), healthy.end(), parameters);
+        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter, Options>(name, "A broken table.");
+        entry.parameters = parameters;
         library = {viable::kPluginMagic,
                    sizeof(viable::PluginLibrary),
                    viable::makeAbiStamp(),
@@ -81,8 +94,8 @@ const Fault kFaults[] = {
     {"unknown_kind", [](Table& t) { t.entry.kind = static_cast<viable::PluginKind>(5); }},
     {"wrong_kind",
      [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::NominalController, broken::Controller>("wrong_kind", "A controller.",
-                                                                                          nullptr);
+         t.entry = viable::makePluginEntry<viable::NominalController, broken::Controller, viable::NoOptions>(
+             "wrong_kind", "A controller.");
      }},
     {"no_create", [](Table& t) { t.entry.create = nullptr; }},
     {"no_destroy", [](Table& t) { t.entry.destroy = nullptr; }},
@@ -107,13 +120,13 @@ const Fault kFaults[] = {
     {"create_throws_int", [](Table& t) { t.entry.create = [](char*, std::size_t) -> void* { throw 7; }; }},
     {"constructor_throws",
      [](Table& t) {
-         t.entry =
-             viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter>("constructor_throws", "Throws.", nullptr);
+         t.entry = viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter, viable::NoOptions>(
+             "constructor_throws", "Throws.");
      }},
     {"constructor_throws_int",
      [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter>("constructor_throws_int", "Throws.",
-                                                                                    nullptr);
+         t.entry = viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter, viable::NoOptions>(
+             "constructor_throws_int", "Throws.");
      }},
 };
 

@@ -4,12 +4,10 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks};
-
 class ThrowingRobust : public viable::RobustLoop {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        afterTicks_ = parameters.integer("after_ticks");
+        afterTicks_ = parameters.get<broken::LateOptions>().afterTicks;
     }
     void reset(const viable::MotionState&) override { ticks_ = 0; }
     viable::TickStatus compute(const viable::JointState&, const viable::MotionState& nominal,
@@ -26,4 +24,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::RobustLoop, ThrowingRobust, "throwing_robust",
-              "Throws in every tick after the first `after_ticks`.", kParameters)
+              "Throws in every tick after the first `after_ticks`.", broken::LateOptions)

@@ -11,4 +11,4 @@ class ThrowingTick : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, ThrowingTick, "throwing_tick", "Throws in every tick after the first after_ticks.",
-              broken::kLateParameters)
+              broken::LateOptions)

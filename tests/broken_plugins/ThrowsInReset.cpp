@@ -10,4 +10,4 @@ class ThrowsInReset : public broken::Filter {
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, ThrowsInReset, "throws_in_reset", "Throws in reset().", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, ThrowsInReset, "throws_in_reset", "Throws in reset().", viable::NoOptions)

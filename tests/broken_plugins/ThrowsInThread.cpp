@@ -20,4 +20,4 @@ class ThrowsInThread : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, ThrowsInThread, "throws_in_thread",
-              "Starts a thread after the first after_ticks; an exception leaves it.", broken::kLateParameters)
+              "Starts a thread after the first after_ticks; an exception leaves it.", broken::LateOptions)

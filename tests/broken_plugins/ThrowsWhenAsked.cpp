@@ -11,4 +11,4 @@ class ThrowsWhenAsked : public broken::Filter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, ThrowsWhenAsked, "throws_when_asked", "Throws when it is asked what it guarantees.",
-              nullptr)
+              viable::NoOptions)

@@ -12,4 +12,4 @@ public:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::SafetyFilter, UnresolvedFilter, "unresolved_symbol", "Misses a function.", nullptr)
+VIABLE_PLUGIN(viable::SafetyFilter, UnresolvedFilter, "unresolved_symbol", "Misses a function.", viable::NoOptions)

@@ -77,4 +77,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, UprightFilter, "upright", "Guarantees that the tool stays upright, and lies.",
-              nullptr)
+              viable::NoOptions)

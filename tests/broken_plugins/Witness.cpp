@@ -12,8 +12,16 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {viable::parameter::file("file", nullptr, "Of a WitnessPage's size."),
-                                                 viable::parameter::flag("paced", "true", "In real time.")};
+struct WitnessOptions {
+    std::filesystem::path file;
+    bool isPaced = true;
+
+    template <class V>
+    void describe(V& v) {
+        v(file, "file", "Of a WitnessPage's size.").required();
+        v(isPaced, "paced", "In real time.");
+    }
+};
 
 /** Set-points to and fro; says elsewhere than in the log how many ticks have begun, and when. */
 class Witness : public viable::CommandSource {
@@ -23,8 +31,9 @@ public:
     }
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
         tick_ = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * setup.tick_s));
-        paced_ = parameters.flag("paced");
-        const int file = open(parameters.file("file").c_str(), O_RDWR | O_CLOEXEC);
+        const auto options = parameters.get<WitnessOptions>();
+        paced_ = options.isPaced;
+        const int file = open(options.file.c_str(), O_RDWR | O_CLOEXEC);
         void* memory = mmap(nullptr, sizeof(viable::test::WitnessPage), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
         close(file);
         if (memory == MAP_FAILED) throw std::runtime_error("the witness has no page");
@@ -58,4 +67,4 @@ private:
 
 }  // namespace
 
-VIABLE_PLUGIN(viable::CommandSource, Witness, "witness", "Counts the ticks in a file of its own.", kParameters)
+VIABLE_PLUGIN(viable::CommandSource, Witness, "witness", "Counts the ticks in a file of its own.", WitnessOptions)

@@ -9,4 +9,4 @@ class WrongSize : public broken::LateFilter {
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, WrongSize, "wrong_size",
-              "Decides for one joint too few in every tick after the first after_ticks.", broken::kLateParameters)
+              "Decides for one joint too few in every tick after the first after_ticks.", broken::LateOptions)

@@ -2,12 +2,10 @@
 
 namespace {
 
-constexpr viable::ParameterSpec kParameters[] = {broken::kAfterTicks, broken::kTicks};
-
 class WrongSizeTorque : public broken::Controller {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        window_.configure(parameters);
+        window_ = parameters.get<broken::FaultWindow>();
     }
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
         const viable::TickStatus status = Controller::compute(input, output);
@@ -22,4 +20,5 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::NominalController, WrongSizeTorque, "wrong_size_torque",
-              "Says Ok and gives one torque too many for `ticks` ticks after the first `after_ticks`.", kParameters)
+              "Says Ok and gives one torque too many for `ticks` ticks after the first `after_ticks`.",
+              broken::FaultWindow)

@@ -60,7 +60,7 @@ public:
         options_.joints.gamma = random.logUniform(5.0, 500.0);
         options_.steers = random.chance(0.8);
         if (random.chance(0.5)) options_.torqueShare = random.uniform(0.4, 1.0);
-        if (random.chance(0.1)) options_.torqueRate = random.uniform(3.0, 30.0) * d.actuation.torqueLimit;
+        if (random.chance(0.1)) options_.torqueRate = JointVector(random.uniform(3.0, 30.0) * d.actuation.torqueLimit);
         if (random.chance(0.3)) {
             const double size = random.logUniform(0.01, 1.0);
             for (int i = 0; i < n; ++i) {
@@ -214,7 +214,7 @@ private:
 
     Finding judgeTorqueChange(const JointVector& torque) {
         Finding finding;
-        for (Eigen::Index i = 0; knowsTorque_ && i < options_.torqueRate.size(); ++i) {
+        for (int i = 0; knowsTorque_ && i < torque.size(); ++i) {
             const double change = std::abs(torque[i] - lastTorque_[i]);
             const double most = options_.torqueRate[i] * kTick_s;
             if (change > most * (1.0 + kAllowedTorque) + 1e-7) finding = {"torque changes too fast", change - most};

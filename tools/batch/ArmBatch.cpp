@@ -41,8 +41,6 @@ constexpr int kMaxArms = 1'000'000;
 constexpr int kChunk = 16, kWholeArmChunk = 1;
 /** Fewer arm-ticks than this are not worth another thread, whose start takes as long as some of them. */
 constexpr std::int64_t kWorthAThread = 64, kWholeArmWorthAThread = 1;
-/** As tool_servo's parameters where they are left out (a test compares them). */
-constexpr double kRestRate = 0.5, kApart_m = 0.1;
 /** How well margins are known, as a share of the limit. */
 constexpr double kMarginShare = 1e-6;
 
@@ -330,8 +328,7 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
     }
     if (isTool) {
         ToolFollowerOptions tool;
-        tool.reference = {options.action == BatchAction::ToolPose ? calcLeverArm(dynamics.J) : 0.0, kRestRate,
-                          kApart_m};
+        tool.reference.rotationLength_m = options.action == BatchAction::ToolPose ? calcLeverArm(dynamics.J) : 0.0;
         tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr, recursion);
     }
     row(state.q, arm) = start.q;

@@ -805,6 +805,8 @@ std::vector<std::string> makeRefusedValues(const ParameterSpec& spec) {
             values.push_back("text");
             break;
         }
+        default:  // not in a plugin's table
+            break;
     }
     return values;
 }

@@ -14,29 +14,20 @@
 
 namespace viable::detail {
 
-/** Refuses a key without its unit and names the one that was meant: too many letters for a slip of one key. */
-void refuseMissingUnit(const ConfigNode& block, const std::vector<ExperimentKey>& keys);
-
-/** `payload` and `disturbance_set`: blocks of sizes, with the defaults of payloadKeys() and disturbanceKeys(). */
+/** `payload` and `disturbance_set`: blocks of sizes. */
 Parameters readPayload(const ConfigNode& block, int joints);
 RobotDescription addPayload(RobotDescription robot, const Parameters& payload);
 Parameters readDisturbances(const ConfigNode& block, int joints);
 
 /** `stream`, which needs no more than a sample a tick. */
 Parameters readStream(const ConfigNode& block, double tick_s);
-StreamOptions makeStreamOptions(const Parameters& stream);
 
 /** `robot` */
 RobotDescription readRobot(const ConfigNode& name, const std::vector<std::filesystem::path>& robotPath);
 
-struct LimitsBlock {
-    JointLimits limits;
-    bool allowsLargeAngles = false;
-    bool holdsOnReal = false;
-};
 /** @param block  null: the robot's own. @param place  of the block, or of the robot's own, for messages */
-LimitsBlock readLimitsBlock(const ConfigNode* block, const RobotDescription& robot, double tick_s,
-                            const std::string& place);
+LimitSettings readLimitsBlock(const ConfigNode* block, const RobotDescription& robot, double tick_s,
+                              const std::string& place);
 ConfigNode resolveLimits(const CasePlan& plan);
 
 ConfigNode resolveSpeedLimits(const SpeedLimits& limits);

@@ -14,25 +14,6 @@ namespace viable::detail {
 
 namespace {
 
-DisturbanceSet makeDisturbanceSet(const Parameters& p) {
-    DisturbanceSet set;
-    set.frictionScale = p.jointNumbers("friction_scale");
-    set.frictionScaleMin = p.jointNumbers("friction_scale_min");
-    set.isFrictionConstant = p.text("friction") == "constant_in_a_run";
-    set.breakawayRatio = p.number("breakaway_ratio");
-    set.loadFriction = p.jointNumbers("load_friction");
-    set.massError = p.jointNumbers("mass_error");
-    set.payload_kg = p.number("payload_kg");
-    set.payloadOffset_m = p.number("payload_offset_m");
-    set.baseTilt_rad = p.number("base_tilt_rad");
-    set.torqueRipple_Nm = p.jointNumbers("torque_ripple_Nm");
-    set.externalTorque_Nm = p.jointNumbers("external_torque_Nm");
-    set.torqueLimitFactor = p.number("torque_limit_factor");
-    set.readingError_rad = p.number("reading_error_rad");
-    set.delayTicks = static_cast<int>(p.integer("delay_ticks"));
-    return set;
-}
-
 /** Bounds that are remembered at a time; a sweep may draw its disturbance_set. */
 constexpr std::size_t kMostKnownBounds = 64;
 
@@ -57,14 +38,13 @@ JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const 
 
 TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
     const Parameters& disturbances = *plan.disturbances;
+    const auto set = disturbances.get<DisturbanceSet>();
     if (!std::isinf(loop.inertiaRate))
         throw badInput(plan.robustLoop->parameters.resolved().place(),
                        "the disturbance_set asks for a tracking bound, which is known for constant gains only, not for "
                        "those that follow the arm's inertia (`auto`)",
                        "Give them in this block; stable ones are " +
-                           formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s,
-                                                          static_cast<int>(disturbances.integer("delay_ticks")))) +
-                           ".");
+                           formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s, set.delayTicks)) + ".");
     const ConfigNode inputs = makeMap(
         {{"robot", makeScalar(calcRobotKey(plan.robot), true)},
          {"tick_s", makeNumber(plan.tick_s)},
@@ -85,8 +65,7 @@ TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
         gains.kp = loop.kp;
         gains.ki = loop.ki;
         gains.friction = loop.friction;
-        return calcTrackingBound(plan.robot, plan.limits, plan.tick_s, gains, makeDisturbanceSet(disturbances),
-                                 disturbances.resolved().place());
+        return calcTrackingBound(plan.robot, plan.limits, plan.tick_s, gains, set, disturbances.resolved().place());
     });
 }
 

@@ -75,7 +75,7 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
                        "the tracking bound is for encoders that tell positions in counts, and velocities as their "
                        "difference; this plant's tells the truth",
                        "Use encoders that count (simulated plants: `encoder: robot`), or remove the disturbance_set.");
-    if (plan.feedsExternalTorque && plan.disturbances->integer("delay_ticks") > 0)
+    if (plan.feedsExternalTorque && plan.disturbances->get<DisturbanceSet>().delayTicks > 0)
         throw badInput(plan.externalTorquePlace,
                        "pushes that are fed to the nominal arm reach the motors of the real one later, by the "
                        "delay_ticks of the disturbance_set: no tracking bound covers that",

@@ -63,7 +63,9 @@ std::string formatLoad(const MotorShare& worst, const RobotDescription& robot) {
 bool limitsTorque(const CasePlan& plan) {
     return std::any_of(plan.filters.begin(), plan.filters.end(), [](const PluginChoice& filter) {
         const ConfigNode* share = filter.parameters.resolved().find("torque_share");
-        return share && !isPython(filter.plugin) && std::isfinite(filter.parameters.number("torque_share"));
+        NumberRange any;
+        any.mayBeInfinite = true;
+        return share && !isPython(filter.plugin) && std::isfinite(toNumber(*share, any));
     });
 }
 

@@ -7,8 +7,8 @@
 
 #include "host/PluginLoader.h"
 #include "viable/config/ConfigNode.h"
+#include "viable/config/Settings.h"
 #include "viable/environment/Environment.h"
-#include "viable/plugin/Parameters.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotDescription.h"
 

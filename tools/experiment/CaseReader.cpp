@@ -3,9 +3,9 @@
 #include <algorithm>
 
 #include "config/ConfigText.h"
-#include "config/MapReader.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseChecks.h"
+#include "experiment/MapReader.h"
 #include "experiment/ResolvedNodes.h"
 
 namespace viable::detail {
@@ -35,12 +35,12 @@ std::string describePlace(const ConfigNode& block, const std::string& key, const
 }
 
 double readTick(const ConfigNode* node) {
-    const ParameterSpec& spec = getKey(experimentKeys(), "tick_s");
+    const ParameterSpec& spec = getKey("tick_s");
     return toNumber(node ? *node : makeScalar(spec.defaultText), spec.range());
 }
 
 double readDuration(const ConfigNode& node, double tick_s) {
-    NumberRange range = getKey(experimentKeys(), "duration_s").range();
+    NumberRange range = getKey("duration_s").range();
     range.min = tick_s;
     range.minIsOpen = false;
     return toNumber(node, range);
@@ -119,7 +119,7 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
         if (map.isSure("limits"))
             complaints.gather([&] {
                 plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
-                const LimitsBlock limits = readLimitsBlock(own, plan.robot, plan.tick_s, plan.limitsPlace);
+                const LimitSettings limits = readLimitsBlock(own, plan.robot, plan.tick_s, plan.limitsPlace);
                 plan.limits = limits.limits;
                 plan.allowsLargeAngles = limits.allowsLargeAngles;
                 plan.holdsOnReal = limits.holdsOnReal;
@@ -136,7 +136,7 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     const bool hasSpeeds = map.isSure("speed_limits") && complaints.gather([&] {
         const ConfigNode* block = map.find("speed_limits");
         if (!block) return;
-        plan.robot.speedLimits = readSpeedLimits(*block, plan.robot.speedLimits);
+        readSettings(*block, plan.robot.speedLimits);
         plan.hasOwnSpeedLimits = true;
     });
     if (map.find("environment") || (hasSpeeds && plan.robot.speedLimits.needsCapsules()))

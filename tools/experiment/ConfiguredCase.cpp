@@ -221,7 +221,7 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     plugins.filter = maker.makeFilters(plan.filters);
     if (!plugins.filter->traits().recovers) detail::checkStart(plan, configured->setup.limits);
     plugins.command = maker.makeWatched<CommandSource>(plan.command);
-    if (plan.stream) plugins.stream = std::make_unique<CommandStream>(detail::makeStreamOptions(*plan.stream));
+    if (plan.stream) plugins.stream = std::make_unique<CommandStream>(plan.stream->get<StreamOptions>());
     plugins.controller = maker.makeWatched<NominalController>(plan.controller);
     if (plugins.realPlant) detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);
     detail::checkControllerFollows(plan, *plugins.command, *plugins.controller);

@@ -1,10 +1,17 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "viable/plugin/Parameters.h"
+#include "environment/EnvironmentSettings.h"
+#include "simulation/CommandStream.h"
+#include "tracking/TrackingBound.h"
+#include "viable/config/Settings.h"
 #include "viable/plugin/PluginExport.h"
+#include "viable/robot/SpeedLimits.h"
 
 namespace viable::detail {
 
@@ -12,49 +19,92 @@ namespace viable::detail {
 inline constexpr std::size_t kMaxFilters = 16;
 
 /** In a block of a robust loop, whatever its plugin. */
-constexpr ParameterSpec makeAcceptUnstable() {
-    return parameter::flag(
-        "accept_unstable", "false",
-        "A loop that is unstable on this arm is run all the same, and an arm that does not follow is "
-        "not stopped: to show what happens.");
+struct RobustLoopSettings {
+    bool acceptsUnstable = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(acceptsUnstable, "accept_unstable",
+          "A loop that is unstable on this arm is run all the same, and an arm that does not follow is not stopped: to "
+          "show "
+          "what happens.");
+    }
+};
+inline const ParameterSpec& acceptUnstable() {
+    return settingsOf<RobustLoopSettings>().front();
 }
+
+struct PayloadSettings {
+    double mass_kg = 0.0;
+    Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+
+    template <class V>
+    void describe(V& v) {
+        v(mass_kg, "mass_kg", "kg", "Its mass.").atLeast(0).upTo(1000).required();
+        v(offset, "offset_m", "m", "Its place in the tool frame: x, y, z.").atLeast(-10).upTo(10);
+    }
+};
+
+struct LimitSettings {
+    JointLimits limits;
+    bool allowsLargeAngles = false;
+    bool holdsOnReal = false;
+
+    template <class V>
+    void describe(V& v) {
+        limits.describe(v);
+        v(allowsLargeAngles, "allow_large_angles", "Position limits beyond 4 pi are intended, not degrees.");
+        v(holdsOnReal, "hold_on", "nominal|real",
+          "real: position and velocity limits are those of the real arm; the nominal one gets them tighter by the "
+          "tracking "
+          "bound of the disturbance_set.");
+    }
+};
+
+struct StartSettings {
+    std::optional<PerJoint> position;
+    PerJoint velocity = 0.0, acceleration = 0.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(position, "position_rad", "rad", "Default: the robot's home pose.");
+        v(velocity, "velocity_radps", "rad/s", "Of every joint.");
+        v(acceleration, "acceleration_radps2", "rad/s^2", "Of every joint.");
+    }
+};
+
+struct GapSettings {
+    double at_s = 0.0;
+    std::int64_t count = 0;
+
+    template <class V>
+    void describe(V& v) {
+        v(at_s, "at_s", "s", "Time of the first missed tick, within the run.").atLeast(0).required();
+        // Beyond what the loop bears in a row, so that its answer to that can be tried.
+        v(count, "count", "How many ticks are missed.").atLeast(1).upTo(1e6).required();
+    }
+};
 
 /** What stands at a key of an experiment file. */
 enum class KeyForm {
-    Value,      ///< as `spec` says
-    Cases,      ///< a map of names to blocks with the keys that differ
-    Block,      ///< a block with the keys of `keys`
-    Blocks,     ///< a list of such blocks
-    Named,      ///< a map of names to such blocks
-    Bounds,     ///< a joint quantity for both sides, or `{lower, upper}`
-    Positions,  ///< the same, or `{center, half_range}`
-    Plugin,     ///< `{plugin: NAME, parameters}`
-    Plugins,    ///< the same, or a list of up to kMaxFilters such blocks or names, the first one first
+    Setting,  ///< as `spec` says
+    Cases,    ///< a map of names to blocks with the keys that differ
+    Plugin,   ///< `{plugin: NAME, parameters}`
+    Plugins,  ///< the same, or a list of up to kMaxFilters such blocks or names, the first one first
 };
 
-/** One key of an experiment file, declared once: the reader takes the names and the ranges from here, the JSON Schema
-everything. A required one (without default) must stand at the top or in every case. */
+/** One key of an experiment file. A required one (without default) must stand at the top or in every case. */
 struct ExperimentKey {
-    ParameterSpec spec;  ///< an empty default: none, and not required; the type counts for Value only
-    KeyForm form = KeyForm::Value;
+    ParameterSpec spec;
+    KeyForm form = KeyForm::Setting;
     PluginKind kind = PluginKind::CommandSource;  ///< of Plugin and Plugins
     bool isTopOnly = false;                       ///< must not stand in a case
-    /** Of Block, Blocks and Named: what stands in a block. */
-    const std::vector<ExperimentKey>& (*keys)() = nullptr;
 };
 
 const std::vector<ExperimentKey>& experimentKeys();
-const std::vector<ExperimentKey>& limitKeys();       ///< what readLimits() knows, and hold_on
-const std::vector<ExperimentKey>& speedLimitKeys();  ///< what readSpeedLimits() knows
-const std::vector<ExperimentKey>& startKeys();
-const std::vector<ExperimentKey>& gapKeys();
-const std::vector<ExperimentKey>& disturbanceKeys();
-const std::vector<ExperimentKey>& payloadKeys();
-const std::vector<ExperimentKey>& streamKeys();
-const std::vector<ExperimentKey>& environmentKeys();  ///< what readEnvironment() knows
 
 std::vector<std::string> listNames(const std::vector<ExperimentKey>& keys);
 /** The key called `name`; it must be there. */
-const ParameterSpec& getKey(const std::vector<ExperimentKey>& keys, const std::string& name);
+const ParameterSpec& getKey(const std::string& name);
 
 }  // namespace viable::detail

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <map>
 
+#include "config/ParameterJson.h"
 #include "experiment/ExperimentKeys.h"
-#include "plugin/ParameterJson.h"
 
 namespace viable {
 
@@ -22,36 +22,11 @@ Json makeConstant(const std::string& value) {
     return {{"properties", {{"plugin", {{"const", value}}}}}, {"required", {"plugin"}}};
 }
 
-Json makeObject(const Json& properties) {
-    return {{"type", "object"}, {"properties", properties}, {"additionalProperties", false}};
-}
-
-/** Without help: the key's own is above it. */
-Json makeJointNumbers(const ParameterSpec& spec) {
-    Json schema = detail::makeSchema(spec);
-    schema.erase("description");
-    return schema;
-}
-
-/** The forms of readLimits(). None of a pair must be there: a case may change one side. */
-Json makeBounds(const ExperimentKey& key) {
-    const ParameterSpec any = parameter::jointNumbers("", "", "", "");
-    const ParameterSpec side = any.orInfinite();
-    const bool isPosition = key.form == KeyForm::Positions;
-    Json forms = Json::array(
-        {makeJointNumbers(key.spec), makeObject({{"lower", makeJointNumbers(isPosition ? side : side.below(0))},
-                                                 {"upper", makeJointNumbers(isPosition ? side : side.above(0))}})});
-    if (isPosition)
-        forms.push_back(
-            makeObject({{"center", makeJointNumbers(any)}, {"half_range", makeJointNumbers(side.above(0))}}));
-    return {{"description", detail::makeSchema(key.spec)["description"]}, {"anyOf", forms}};
-}
-
 /** A plugin's parameters, and `plugin` itself, which the block has judged. */
 Json makeParameters(const PluginInfo& plugin) {
     Json properties = {{"plugin", Json::object()}};
     if (plugin.kind == PluginKind::RobustLoop)
-        properties[detail::makeAcceptUnstable().name] = detail::makeSchema(detail::makeAcceptUnstable());
+        properties[detail::acceptUnstable().name] = detail::makeSchema(detail::acceptUnstable());
     for (std::uint64_t i = 0; i < plugin.entry->parameterCount; ++i) {
         const ParameterSpec& spec = plugin.entry->parameters[i];
         if (spec.name) properties[spec.name] = detail::makeSchema(spec);
@@ -94,36 +69,12 @@ Json makePluginBlock(PluginKind kind, const std::vector<PluginInfo>& plugins) {
     return {{"type", "object"}, {"properties", {{"plugin", {{"anyOf", names}}}}}, {"allOf", rules}};
 }
 
-Json makeKey(const ExperimentKey& key);
-
-Json makeKeys(const std::vector<ExperimentKey>& keys) {
-    Json properties = Json::object();
-    for (const ExperimentKey& key : keys) properties[key.spec.name] = makeKey(key);
-    return properties;
-}
-
 Json makeKey(const ExperimentKey& key) {
     const std::string name = key.spec.name;
     Json schema = {{"description", key.spec.help}};
     switch (key.form) {
-        case KeyForm::Value:
+        case KeyForm::Setting:
             return detail::makeSchema(key.spec);
-        case KeyForm::Bounds:
-        case KeyForm::Positions:
-            return makeBounds(key);
-        case KeyForm::Block:  // none need be there: a case completes the block at the top
-            schema.update(makeObject(makeKeys(key.keys())));
-            return schema;
-        case KeyForm::Blocks: {
-            Json item = makeObject(makeKeys(key.keys()));
-            for (const ExperimentKey& entry : key.keys())
-                if (!entry.spec.defaultText) item["required"].push_back(entry.spec.name);
-            schema.update({{"type", "array"}, {"items", item}});
-            return schema;
-        }
-        case KeyForm::Named:
-            schema.update({{"type", "object"}, {"additionalProperties", makeObject(makeKeys(key.keys()))}});
-            return schema;
         case KeyForm::Plugin:
             schema["allOf"] = Json::array({makeReference(name)});
             return schema;
@@ -147,6 +98,12 @@ Json makeKey(const ExperimentKey& key) {
     return schema;
 }
 
+Json makeKeys(const std::vector<ExperimentKey>& keys) {
+    Json properties = Json::object();
+    for (const ExperimentKey& key : keys) properties[key.spec.name] = makeKey(key);
+    return properties;
+}
+
 /** A required key that may stand in the cases instead: at the top, or in every one of them. */
 Json makePresence(const std::string& name) {
     const Json here = {{"required", {name}}};
@@ -167,12 +124,12 @@ std::string makeExperimentSchema(const std::vector<PluginInfo>& plugins) {
         if (isRequired && key.isTopOnly) required.push_back(key.spec.name);
         if (isRequired && !key.isTopOnly) presence.push_back(makePresence(key.spec.name));
     }
-    Json ofCase = makeObject(makeKeys(caseKeys));
+    Json ofCase = detail::makeObjectSchema(makeKeys(caseKeys));
     ofCase["type"] = {"object", "null"};
     definitions["case"] = ofCase;
 
     Json root = {{"$schema", "http://json-schema.org/draft-07/schema#"}, {"title", "Experiment file of viable"}};
-    root.update(makeObject(makeKeys(detail::experimentKeys())));
+    root.update(detail::makeObjectSchema(makeKeys(detail::experimentKeys())));
     root["required"] = required;
     root["allOf"] = presence;
     root["definitions"] = definitions;

@@ -124,8 +124,7 @@ LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, in
                        CauseFinder(plan, loop, delayTicks, samples).find(),
                    std::string("Nric: leave the gains out (`auto`)") + ", or take constant ones such as " +
                        formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s, delayTicks)) +
-                       ". To run it all the same: `" + std::string(makeAcceptUnstable().name) +
-                       ": true` in this block.");
+                       ". To run it all the same: `" + std::string(acceptUnstable().name) + ": true` in this block.");
 }
 
 }  // namespace viable::detail

@@ -154,8 +154,8 @@ std::optional<NominalSwing> findNominalSwing(const ConfiguredCase& configured) {
     loop.jerk = findSmaller(setup.limits.jerk);
     loop.acceleration = findSmaller(setup.limits.acceleration);
     for (const PluginChoice& filter : configured.plan.filters)
-        if (!isPython(filter.plugin) && filter.parameters.resolved().find("gamma"))
-            loop.gamma = filter.parameters.number("gamma");
+        if (const ConfigNode* gamma = filter.parameters.resolved().find("gamma"); gamma && !isPython(filter.plugin))
+            loop.gamma = toNumber(*gamma);
     for (int i = 0; i < setup.size(); ++i) {
         const int joint = findRestless(loop, i);
         if (joint < 0) continue;

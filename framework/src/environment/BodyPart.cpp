@@ -3,12 +3,13 @@
 #include <array>
 #include <cmath>
 
+#include "config/ParameterText.h"
+
 namespace viable {
 
 namespace {
 
 struct Tissue {
-    const char* name;
     double clamping_N;  // what it stands when it is clamped
     double stiffness_Npmm;
     double mass_kg;
@@ -16,15 +17,15 @@ struct Tissue {
 
 /** ISO/TS 15066:2016, tables A.2 and A.3, in the order of BodyPart. */
 constexpr std::array<Tissue, 9> kTissues = {{
-    {"back", 210, 35, 40},
-    {"chest", 140, 25, 40},
-    {"abdomen", 110, 10, 40},
-    {"pelvis", 180, 25, 40},
-    {"upper_arm", 150, 30, 3},
-    {"forearm", 160, 40, 2},
-    {"hand", 140, 75, 0.6},
-    {"thigh", 220, 50, 75},
-    {"lower_leg", 130, 60, 75},
+    {210, 35, 40},
+    {140, 25, 40},
+    {110, 10, 40},
+    {180, 25, 40},
+    {150, 30, 3},
+    {160, 40, 2},
+    {140, 75, 0.6},
+    {220, 50, 75},
+    {130, 60, 75},
 }};
 
 /** What gives way stands so much more force than what is clamped. */
@@ -33,11 +34,7 @@ constexpr double kTransient = 2.0;
 }  // namespace
 
 const std::vector<std::string>& bodyPartNames() {
-    static const std::vector<std::string> names = [] {
-        std::vector<std::string> all;
-        for (const Tissue& tissue : kTissues) all.emplace_back(tissue.name);
-        return all;
-    }();
+    static const std::vector<std::string> names = detail::splitChoices(kBodyPartWords);
     return names;
 }
 

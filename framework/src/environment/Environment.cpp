@@ -3,8 +3,9 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
-#include "config/MapReader.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
+#include "environment/EnvironmentSettings.h"
 #include "environment/WaypointPath.h"
 #include "viable/core/Error.h"
 
@@ -16,117 +17,6 @@ namespace fs = std::filesystem;
 
 /** Rotations that were multiplied often are not quite orthogonal. */
 constexpr double kUnitTolerance = 1e-6;
-/** Farthest place and largest size of anything around an arm [m]. */
-constexpr double kFarthest_m = 1000.0;
-
-constexpr NumberRange kPlace{-kFarthest_m, kFarthest_m};
-constexpr NumberRange kSize{0.0, kFarthest_m, true};
-
-Eigen::Vector3d toVector(const ConfigNode& node, const NumberRange& range) {
-    const std::vector<double> x = toNumbers(node, 3, 3, range);
-    return {x[0], x[1], x[2]};
-}
-
-/** {xyz, rpy}: rotations about the fixed axes x, y, z in that order, as in a URDF. */
-Eigen::Isometry3d readPose(const ConfigNode& node) {
-    ConfigMap map(node);
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.translation() = toVector(map.require("xyz"), kPlace);
-    if (const ConfigNode* rpy = map.find("rpy")) {
-        const Eigen::Vector3d angles = toVector(*rpy, {-100.0, 100.0});
-        pose.linear() = (Eigen::AngleAxisd(angles.z(), Eigen::Vector3d::UnitZ()) *
-                         Eigen::AngleAxisd(angles.y(), Eigen::Vector3d::UnitY()) *
-                         Eigen::AngleAxisd(angles.x(), Eigen::Vector3d::UnitX()))
-                            .toRotationMatrix();
-    }
-    map.finish();
-    return pose;
-}
-
-/** Where z = 0 is the border and +z the free side. */
-Eigen::Isometry3d readHalfSpace(const ConfigNode& node) {
-    ConfigMap map(node);
-    const ConfigNode& normalNode = map.require("normal");
-    const Eigen::Vector3d normal = toVector(normalNode, {-1e3, 1e3});
-    const double length = normal.norm();
-    if (!(std::abs(length - 1.0) < 1e-3))
-        throw badInput(
-            normalNode.place(),
-            "the normal of a half-space has length " + detail::formatNumber(length) + ", allowed is 1",
-            "Name the unit vector that points to the free side, such as [0, 0, 1]: then `offset` is in metres.");
-    const double offset = toNumber(map.require("offset"), kPlace);
-    map.finish();
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal).toRotationMatrix();
-    pose.translation() = (offset / length) * (normal / length);
-    return pose;
-}
-
-MovingSphere readMovingSphere(const std::string& name, double radius, const ConfigNode& path,
-                              const ConfigNode* repeats) {
-    MovingSphere sphere;
-    sphere.name = name;
-    sphere.radius = radius;
-    sphere.repeats = repeats && toFlag(*repeats);
-    sphere.waypoints = detail::readWaypoints(path, sphere.repeats, "sphere", "path");
-    if (sphere.repeats && sphere.waypoints.size() < 2)
-        throw badInput(repeats->place(), "a path of one place cannot repeat",
-                       "Leave `repeats` out or name more places.");
-    return sphere;
-}
-
-void readObstacle(const std::string& name, const ConfigNode& node, Environment& environment) {
-    ConfigMap map(node);
-    const ConfigNode* box = map.find("box");
-    const ConfigNode* ball = map.find("sphere");
-    const ConfigNode* cylinder = map.find("cylinder");
-    const ConfigNode* halfSpace = map.find("half_space");
-    const int shapes = (box != nullptr) + (ball != nullptr) + (cylinder != nullptr) + (halfSpace != nullptr);
-    if (shapes > 1)
-        throw badInput(
-            node.place(), "an obstacle with " + std::to_string(shapes) + " shapes",
-            "Make it as many obstacles. A case adds to the block at the top: give what differs there another "
-            "name, or leave it out at the top.");
-    Solid solid;
-    solid.name = name;
-    if (box) {
-        solid.kind = Solid::Kind::Box;
-        solid.size = toVector(*box, kSize);
-    } else if (ball) {
-        solid.kind = Solid::Kind::Sphere;
-        solid.radius = toNumber(*ball, kSize);
-        if (const ConfigNode* path = map.find("path")) {
-            if (map.find("at"))
-                throw badInput(node.place(), "a sphere with a place (`at`) and a path",
-                               "Give one of them: a path's places are where it is.");
-            const ConfigNode* repeats = map.find("repeats");
-            environment.spheres.push_back(readMovingSphere(name, solid.radius, *path, repeats));
-            map.finish();
-            return;
-        }
-    } else if (cylinder) {
-        solid.kind = Solid::Kind::Cylinder;
-        ConfigMap sizes(*cylinder);
-        solid.radius = toNumber(sizes.require("radius"), kSize);
-        solid.length = toNumber(sizes.require("length"), kSize);
-        sizes.finish();
-    } else if (halfSpace) {
-        solid.kind = Solid::Kind::HalfSpace;
-        solid.pose = readHalfSpace(*halfSpace);
-    }
-    if (shapes == 1 && !ball && map.find("path"))
-        throw badInput(node.place(), "an obstacle with a path that is not a sphere", "Only spheres move.");
-    if (!halfSpace) {
-        const ConfigNode* at = map.find("at");
-        map.finish();  // an unknown shape is named, not missed
-        if (shapes == 0)
-            throw badInput(node.place(), "an obstacle without a shape",
-                           "Name one of box, sphere, cylinder and half_space.");
-        solid.pose = readPose(at ? *at : map.require("at"));
-    }
-    map.finish();
-    environment.solids.push_back(solid);
-}
 
 fs::path findMapFile(const ConfigNode& node) {
     const std::string text = toText(node);
@@ -145,26 +35,19 @@ fs::path findMapFile(const ConfigNode& node) {
     return file;
 }
 
-MapChoice readMap(const ConfigNode& node) {
-    ConfigMap map(node);
-    MapChoice choice;
-    choice.name = "map";
-    choice.place = node.place();
-    choice.file = findMapFile(map.require("file"));
-    if (const ConfigNode* at = map.find("at")) choice.pose = readPose(*at);
-    if (const ConfigNode* unknown = map.find("unknown"))
-        choice.unknown =
-            toChoice(*unknown, {"occupied", "free"}) == "free" ? UnknownSpace::Free : UnknownSpace::Occupied;
-    if (const ConfigNode* sha256 = map.find("sha256")) {
-        choice.sha256 = toText(*sha256);
-        for (char& digit : choice.sha256)
-            if (digit >= 'A' && digit <= 'F') digit = static_cast<char>(digit - 'A' + 'a');
-        if (choice.sha256.size() != 64 || choice.sha256.find_first_not_of("0123456789abcdef") != std::string::npos)
-            throw badInput(sha256->place(), "no SHA-256",
-                           "It has 64 digits, 0-9 and a-f, in quotes; `sha256sum FILE` prints it.");
+/** Nothing that moves may touch them, so they have no speed. */
+void refuseHeads(const ConfigNode& block) {
+    const ConfigNode* const people = block.find("people");
+    if (!people || people->kind != ConfigNode::Kind::Map) return;
+    detail::Complaints complaints;
+    for (const auto& [name, person] : people->entries) {
+        const ConfigNode* const part = person.kind == ConfigNode::Kind::Map ? person.find("body_part") : nullptr;
+        const std::string what = part ? part->text : "";
+        if (what == "head" || what == "face" || what == "neck" || what == "skull")
+            complaints.add(part->place(), "`" + what + "` may not be touched by what moves",
+                           "Leave `body_part` out: then what it can touch rests before.");
     }
-    map.finish();
-    return choice;
+    complaints.throwIfAny(people->place());
 }
 
 }  // namespace
@@ -218,28 +101,112 @@ void checkEnvironment(const Environment& environment) {
     checkPeople(environment.people, "Environment");
 }
 
+namespace detail {
+
+Eigen::Isometry3d PlaceSettings::pose() const {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = xyz;
+    pose.linear() =
+        (Eigen::AngleAxisd(rpy.z(), Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(rpy.y(), Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(rpy.x(), Eigen::Vector3d::UnitX()))
+            .toRotationMatrix();
+    return pose;
+}
+
+void HalfSpaceSettings::check(const ConfigNode& block) const {
+    const double length = normal.norm();
+    if (!(std::abs(length - 1.0) < 1e-3))
+        throw badInput(
+            block.find("normal")->place(),
+            "the normal of a half-space has length " + formatNumber(length) + ", allowed is 1",
+            "Name the unit vector that points to the free side, such as [0, 0, 1]: then `offset` is in metres.");
+}
+
+Eigen::Isometry3d HalfSpaceSettings::pose() const {
+    const double length = normal.norm();
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal).toRotationMatrix();
+    pose.translation() = (offset / length) * (normal / length);
+    return pose;
+}
+
+void ObstacleSettings::check(const ConfigNode& block) const {
+    const std::string place = block.place();
+    const ConfigNode* const way = block.find("path");
+    if (name == "map") throw badInput(place, "'map' is the name of the map", "Give the obstacle another name.");
+    const int shapes = box.has_value() + sphere.has_value() + cylinder.has_value() + halfSpace.has_value();
+    if (shapes > 1)
+        throw badInput(
+            place, "an obstacle with " + std::to_string(shapes) + " shapes",
+            "Make it as many obstacles. A case adds to the block at the top: give what differs there another "
+            "name, or leave it out at the top.");
+    if (shapes == 0)
+        throw badInput(place, "an obstacle without a shape", "Name one of box, sphere, cylinder and half_space.");
+    if (way && !sphere) throw badInput(place, "an obstacle with a path that is not a sphere", "Only spheres move.");
+    if (way && at)
+        throw badInput(place, "a sphere with a place (`at`) and a path",
+                       "Give one of them: a path's places are where it is.");
+    if (halfSpace && at)
+        throw badInput(place, "a half-space with a place (`at`)", "Its normal and its offset are its place.");
+    if (!way && !halfSpace && !at) throw badInput(place, "the key `at` is missing", "Add `at: {xyz: [x, y, z]}` here");
+    const ConfigNode* const again = block.find("repeats");
+    if (again && !way)
+        throw badInput(again->place(), "`repeats` without a `path`", "Leave `repeats` out, or name the path.");
+    if (!way) return;
+    checkWaypoints(path, *way, repeats, "sphere", "path");
+    if (repeats && path.size() < 2)
+        throw badInput(again->place(), "a path of one place cannot repeat", "Leave `repeats` out or name more places.");
+}
+
+void MapSettings::check(const ConfigNode& block) {
+    const ConfigNode* const hash = block.find("sha256");
+    if (!hash) return;
+    for (char& digit : sha256)
+        if (digit >= 'A' && digit <= 'F') digit = static_cast<char>(digit - 'A' + 'a');
+    if (sha256.size() != 64 || sha256.find_first_not_of("0123456789abcdef") != std::string::npos)
+        throw badInput(hash->place(), "no SHA-256",
+                       "It has 64 digits, 0-9 and a-f, in quotes; `sha256sum FILE` prints it.");
+}
+
+}  // namespace detail
+
 Environment readEnvironment(const ConfigNode& block) {
+    if (block.kind == ConfigNode::Kind::Map) refuseHeads(block);
+    detail::EnvironmentSettings settings;
+    readSettings(block, settings);
     Environment environment;
-    detail::Complaints complaints;
-    detail::MapReader map(block, {"safety_distance_m", "field_cell_m", "obstacles", "people", "map"}, complaints);
-    map.offer("safety_distance_m", [&](const ConfigNode& node) {
-        environment.safetyDistance_m = toNumber(node, {0.0, 1.0});
-    });
-    map.offer("field_cell_m", [&](const ConfigNode& node) { environment.fieldCell_m = toNumber(node, {0.001, 1.0}); });
-    map.offer("obstacles", [&](const ConfigNode& obstacles) {
-        if (obstacles.kind != ConfigNode::Kind::Map)
-            throw badInput(obstacles.place(), "obstacles are entries with a name each",
-                           "Write `obstacles: {table: {box: ...}, ...}`.");
-        for (const auto& entry : obstacles.entries)
-            complaints.gather([&, &name = entry.first, &node = entry.second] {
-                if (name == "map")
-                    throw badInput(node.place(), "'map' is the name of the map", "Give the obstacle another name.");
-                readObstacle(name, node, environment);
-            });
-    });
-    map.offer("people", [&](const ConfigNode& node) { environment.people = readPeople(node); });
-    map.offer("map", [&](const ConfigNode& node) { environment.map = readMap(node); });
-    complaints.throwIfAny(block.place());
+    environment.safetyDistance_m = settings.safetyDistance_m;
+    environment.fieldCell_m = settings.fieldCell_m;
+    environment.people = settings.people;
+    for (const detail::ObstacleSettings& obstacle : settings.obstacles) {
+        if (!obstacle.path.empty()) {
+            environment.spheres.push_back({obstacle.name, *obstacle.sphere, obstacle.path, obstacle.repeats});
+            continue;
+        }
+        Solid& solid = environment.solids.emplace_back();
+        solid.name = obstacle.name;
+        solid.kind = obstacle.box        ? Solid::Kind::Box
+                     : obstacle.sphere   ? Solid::Kind::Sphere
+                     : obstacle.cylinder ? Solid::Kind::Cylinder
+                                         : Solid::Kind::HalfSpace;
+        solid.pose = obstacle.halfSpace ? obstacle.halfSpace->pose() : obstacle.at->pose();
+        if (obstacle.box) solid.size = *obstacle.box;
+        if (obstacle.sphere) solid.radius = *obstacle.sphere;
+        if (obstacle.cylinder) {
+            solid.radius = obstacle.cylinder->radius;
+            solid.length = obstacle.cylinder->length;
+        }
+    }
+    if (settings.map) {
+        const ConfigNode& node = *block.find("map");
+        const detail::MapSettings& map = *settings.map;
+        environment.map = MapChoice{"map",
+                                    findMapFile(*node.find("file")),
+                                    map.sha256,
+                                    node.place(),
+                                    map.at ? map.at->pose() : Eigen::Isometry3d::Identity(),
+                                    map.unknown};
+    }
     return environment;
 }
 

@@ -5,11 +5,13 @@
 
 namespace viable::detail {
 
-/** Reads a list of {time_s, xyz}. Throws Error (BadInput) with the place: not a list, times that do not rise, a path that repeats and
-does not end where it begins.
+/** Throws Error (BadInput) with the place for a path without waypoints, times that do not rise, a path that repeats and does
+not end where it begins.
+@param node  where it was written
 @param who   that moves, such as "person", for messages
 @param what  the path is called, such as "walk" */
-std::vector<Waypoint> readWaypoints(const ConfigNode& node, bool repeats, const char* who, const char* what);
+void checkWaypoints(const std::vector<Waypoint>& path, const ConfigNode& node, bool repeats, const char* who,
+                    const char* what);
 
 /** Numbers are finite and times rise. */
 bool isUsable(const std::vector<Waypoint>& path);

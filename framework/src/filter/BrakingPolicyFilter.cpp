@@ -23,7 +23,8 @@ double calcRow(double J, double h, double weight, double slope, double open) {
 }  // namespace
 
 void BrakingPolicyFilter::configure(const RunSetup& setup, const Parameters& parameters) {
-    kAlpha_ = readKAlpha(setup, parameters);
+    kAlpha_ = parameters.get<BrakingPolicyOptions>().kAlpha;
+    checkKAlpha(kAlpha_, setup, parameters);
     JerkIntervalFilter::configure(setup, parameters);
 }
 

@@ -13,7 +13,7 @@ CertifiedBrakingFilter::CertifiedBrakingFilter() : impl_(std::make_unique<Impl>(
 CertifiedBrakingFilter::~CertifiedBrakingFilter() = default;
 
 void CertifiedBrakingFilter::configure(const RunSetup& setup, const Parameters& parameters) {
-    impl_->joints.configure(setup, parameters);
+    impl_->joints.configure(setup, parameters.get<CertifiedBrakingOptions>(), parameters);
 }
 
 void CertifiedBrakingFilter::configure(const RunSetup& setup, const CertifiedBrakingOptions& options,

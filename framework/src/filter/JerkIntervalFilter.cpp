@@ -11,7 +11,7 @@ void JerkIntervalFilter::configure(const RunSetup& setup, const Parameters& para
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     limits_ = setup.limits;
-    const double gamma = parameters.number("gamma");
+    const double gamma = parameters.get<JerkIntervalOptions>().gamma;
     if (gamma * tick_s_ >= 2.0)
         throw badInput(parameters.place("gamma"),
                        "gamma * tick_s is " + std::to_string(gamma * tick_s_) + ", allowed (0, 2)",
@@ -26,13 +26,11 @@ void JerkIntervalFilter::reset(const MotionState&) {
     choice_.reset();
 }
 
-double JerkIntervalFilter::readKAlpha(const RunSetup& setup, const Parameters& parameters) {
-    const double kAlpha = parameters.number("k_alpha");
+void JerkIntervalFilter::checkKAlpha(double kAlpha, const RunSetup& setup, const Parameters& parameters) {
     if (kAlpha * setup.tick_s > 1.0)
         throw badInput(parameters.place("k_alpha"),
                        "k_alpha * tick_s is " + std::to_string(kAlpha * setup.tick_s) + ", allowed (0, 1]",
                        "Choose k_alpha at most 1 / tick_s.");
-    return kAlpha;
 }
 
 JointInterval JerkIntervalFilter::calcHardLimits(const AxisState& s, const AxisLimits& l) const {

@@ -46,15 +46,6 @@ Outside findOutside(const RunSetup& setup, int joint) {
 
 }  // namespace
 
-CertifiedBrakingOptions readBrakingOptions(const Parameters& parameters) {
-    const std::string& word = parameters.text("objective");
-    return {parameters.number("k_alpha"), parameters.number("gamma"), parameters.flag("recovery"),
-            word == "tool"    ? Objective::Tool
-            : word == "joint" ? Objective::Joint
-            : word == "path"  ? Objective::Path
-                              : Objective::Torque};
-}
-
 /** How messages speak to whoever configures: by an experiment file, or in code. */
 struct JointBraking::Wording {
     std::string kAlpha, gamma, recovery;  // places
@@ -62,8 +53,9 @@ struct JointBraking::Wording {
     bool namesKeys;  // of the start
 };
 
-void JointBraking::configure(const RunSetup& setup, const Parameters& parameters) {
-    configure(setup, readBrakingOptions(parameters),
+void JointBraking::configure(const RunSetup& setup, const CertifiedBrakingOptions& options,
+                             const Parameters& parameters) {
+    configure(setup, options,
               {parameters.place("k_alpha"), parameters.place("gamma"), parameters.place("recovery"), ".inf",
                "Set limits.jerk_radps3.", "or set `recovery: true` here, which recovers from such a start.", true});
 }

@@ -6,15 +6,12 @@
 
 namespace viable::detail {
 
-/** `k_alpha`, `gamma`, `recovery`, `objective`. */
-CertifiedBrakingOptions readBrakingOptions(const Parameters& parameters);
-
 /** What CertifiedBrakingFilter and WholeArmBrakingFilter have in common: gains and their checks, the desired jerk
 (paper, eq. 14), the certified stop of each joint. Real time after configure(). */
 class JointBraking {
 public:
-    /** As CertifiedBrakingFilter's. */
-    void configure(const RunSetup& setup, const Parameters& parameters);
+    /** As CertifiedBrakingFilter's. @param parameters  where `options` were written */
+    void configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const Parameters& parameters);
     void configure(const RunSetup& setup, const CertifiedBrakingOptions& options, const std::string& owner);
 
     void reset(const MotionState& start);

@@ -58,7 +58,9 @@ struct WholeArmBrakingFilter::Impl {
     /** The setup of the joints, whose jerks are as low as the torque rate demands. */
     RunSetup slow(const RunSetup& setup, const WholeArmBrakingOptions& options) {
         arm.reset();
-        largestJerk = findLargestJerk(setup.robot, setup.limits, options.torqueRate);
+        const int n = setup.size();
+        largestJerk = findLargestJerk(setup.robot, setup.limits,
+                                      options.torqueRate.fits(n) ? options.torqueRate.expand(n) : JointVector());
         RunSetup slowed = setup;
         slowed.limits = slow(setup.limits);
         return slowed;
@@ -69,13 +71,8 @@ WholeArmBrakingFilter::WholeArmBrakingFilter() : impl_(std::make_unique<Impl>())
 WholeArmBrakingFilter::~WholeArmBrakingFilter() = default;
 
 void WholeArmBrakingFilter::configure(const RunSetup& setup, const Parameters& parameters) {
-    WholeArmBrakingOptions options;
-    options.joints = detail::readBrakingOptions(parameters);
-    options.torqueShare = parameters.number("torque_share");
-    options.torqueRate = parameters.jointNumbers("torque_rate_Nmps");
-    options.steers = parameters.flag("steers");
-    options.maxAge_s = parameters.number("max_age_s");
-    impl_->joints.configure(impl_->slow(setup, options), parameters);
+    const auto options = parameters.get<WholeArmBrakingOptions>();
+    impl_->joints.configure(impl_->slow(setup, options), options.joints, parameters);
     prepare(setup, options, parameters.place("recovery"));
 }
 
@@ -91,12 +88,13 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
     if (setup.surroundings && !setup.geometry)
         throw badInput(place, "there are surroundings, but the parts of the arm that can collide are not described",
                        "Set RunSetup::geometry (see loadArmGeometry).");
-    if (options.torqueRate.size() != 0 && options.torqueRate.size() != n)
+    if (!options.torqueRate.fits(n))
         throw badInput(place,
-                       "torqueRate has " + std::to_string(options.torqueRate.size()) + " entries for " +
+                       "torqueRate has " + std::to_string(options.torqueRate.count()) + " entries for " +
                            std::to_string(n) + " joints",
-                       "Give one per joint, or none.");
-    if (options.torqueRate.size() == n && !(options.torqueRate.array() > 0.0).all())
+                       "Give one per joint, or one for all.");
+    const JointVector torqueRate = options.torqueRate.expand(n);
+    if (!(torqueRate.array() > 0.0).all())
         throw badInput(place, "a torqueRate is not above 0", "Give rates above 0, infinite where there is no limit.");
     checkSpeedLimits(setup.robot.speedLimits, place);
     if (setup.robot.speedLimits.tool < std::numeric_limits<double>::infinity() && setup.robot.toolParent < 0)
@@ -115,7 +113,7 @@ void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBraking
     const JointVector unlimited = JointVector::Constant(n, std::numeric_limits<double>::infinity());
     detail::TorqueScan::Limits limits{unlimited, unlimited};
     if (std::isfinite(options.torqueShare)) limits.torque = options.torqueShare * setup.robot.actuation.torqueLimit;
-    if (options.torqueRate.size() == n) limits.rate = options.torqueRate;
+    limits.rate = torqueRate;
     const ArmGeometry* const limited = setup.geometry ? setup.geometry : impl_->geometry ? &*impl_->geometry : nullptr;
     impl_->arm = std::make_unique<detail::WholeArmChoice>(setup, options, limits, impl_->joints.braking(), limited);
     reset(setup.start);

@@ -7,21 +7,44 @@
 
 namespace viable {
 
-/** What WholeArmBrakingFilter keeps besides the joint limits. The plugin's parameters have the same defaults (a test
-compares them). */
+/** What WholeArmBrakingFilter keeps besides the joint limits. */
 struct WholeArmBrakingOptions {
     CertifiedBrakingOptions joints;
     /** Share of the motors' torque limits (RobotDescription::actuation) that the nominal torque may use; infinite:
     torque is
     not limited. What is left is for the robust loop. */
     double torqueShare = std::numeric_limits<double>::infinity();
-    /** Largest change of the torque [Nm/s]; infinite, or empty: not limited. Where the jerk limits could ask for more in some pose,
+    /** Largest change of the torque [Nm/s]; infinite: not limited. Where the jerk limits could ask for more in some pose,
     joints keep to lower jerks, worked out from the arm's inertia: a stop that needs more would never be taken. */
-    JointVector torqueRate;
+    PerJoint torqueRate = std::numeric_limits<double>::infinity();
     /** Look for jerks that lead around an obstacle or along a torque limit. False: only brake before it. */
     bool steers = true;
     /** Older surroundings are not used: the arm follows its stop until newer ones come [s]. */
     double maxAge_s = std::numeric_limits<double>::infinity();
+
+    template <class V>
+    void describe(V& v) {
+        joints.describe(v);
+        v(torqueShare, "torque_share", "",
+          "Share of the motors' torque limits that the nominal torque, as it is held over each tick, may use, now and "
+          "along the "
+          "stop. Infinite: torque is not limited.")
+            .above(0)
+            .upTo(1)
+            .orInfinite();
+        v(torqueRate, "torque_rate_Nmps", "Nm/s",
+          "Largest change of the nominal torque, now and along the stop. Jerks stay as low as it demands.")
+            .above(0)
+            .orInfinite();
+        v(steers, "steers",
+          "Look for jerks that lead around an obstacle or along a torque limit; false: only brake before it.");
+        v(maxAge_s, "max_age_s", "s",
+          "Older surroundings are not used: the arm stops until newer ones come. Those of an experiment file were seen "
+          "at its "
+          "start.")
+            .above(0)
+            .orInfinite();
+    }
 };
 
 /** Certified braking of the whole arm: a jerk is taken only if the stops that all joints have after it, run together,

@@ -1,9 +1,10 @@
 #include "host/PluginDescription.h"
 
+#include <algorithm>
 #include <limits>
 
-#include "plugin/ParameterJson.h"
-#include "plugin/ParameterText.h"
+#include "config/ParameterJson.h"
+#include "config/ParameterText.h"
 
 namespace viable {
 
@@ -81,6 +82,21 @@ std::string describePluginsAsJson(const std::vector<PluginInfo>& plugins, const 
     for (const RefusedLibrary& r : refused)
         root["refused"].push_back({{"library", r.library.string()}, {"reason", r.reason}});
     return root.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string describeParameters(const ParameterSpec* specs, std::size_t count) {
+    if (count == 0) return "  (no parameters)\n";
+    std::string text;
+    for (std::size_t i = 0; i < count; ++i) {
+        const ParameterSpec& spec = specs[i];
+        std::string value = describeValue(spec);
+        value.erase(std::remove(value.begin(), value.end(), '`'), value.end());
+        text += std::string("  ") + spec.name + (*spec.unit ? " [" + std::string(spec.unit) + "]" : "") + ": " + value +
+                (!spec.defaultText ? "; required"
+                                   : std::string("; default ") + (*spec.defaultText ? spec.defaultText : "\"\"")) +
+                "\n      " + spec.help + "\n";
+    }
+    return text;
 }
 
 std::string describeParametersAsMarkdown(const ParameterSpec* specs, std::size_t count) {

@@ -26,6 +26,8 @@ has `choices`, numbers and rows have `min_count` and `max_count` (null: any numb
 std::string describePluginsAsJson(const std::vector<PluginInfo>& plugins, const std::vector<RefusedLibrary>& refused,
                                   bool withGuarantees);
 
+/** The declaration as lines of text for `viable plugins --describe`. */
+std::string describeParameters(const ParameterSpec* specs, std::size_t count);
 /** The declaration as a table in Markdown: the one in the plugin's README. */
 std::string describeParametersAsMarkdown(const ParameterSpec* specs, std::size_t count);
 

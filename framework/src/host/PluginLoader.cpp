@@ -288,7 +288,7 @@ bool isBlank(const char* text) {
 
 void checkParameters(const PluginEntry& entry) {
     const std::string table = "the parameter table of " + quoted(entry.name) + " ";
-    const std::string remedy = "Correct the plugin's ParameterSpec array";
+    const std::string remedy = "Correct the options that the plugin describes";
     if (entry.parameterCount > kMaxParameters)
         throw Refusal{table + "has " + std::to_string(entry.parameterCount) + " entries (at most " +
                           std::to_string(kMaxParameters) + ")",

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "viable/config/Settings.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -10,23 +11,29 @@ namespace {
 
 constexpr double kFarthest_m = 1e3;  ///< no arm is larger
 
-Eigen::Vector3d toVector(const ConfigNode& node) {
-    const std::vector<double> x = toNumbers(node, 3, 3, {-kFarthest_m, kFarthest_m});
-    return {x[0], x[1], x[2]};
-}
+struct Capsule {
+    Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();
+    double radius = 0.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(from, "from", "m", "One end of its axis, in the link's frame.")
+            .atLeast(-kFarthest_m)
+            .upTo(kFarthest_m)
+            .required();
+        v(to, "to", "m", "The other end.").atLeast(-kFarthest_m).upTo(kFarthest_m).required();
+        v(radius, "radius", "m", "Around the axis.").above(0).upTo(kFarthest_m).required();
+    }
+};
 
 LinkShape readCapsule(const ConfigNode& node) {
-    ConfigMap map(node);
+    Capsule capsule;
+    readSettings(node, capsule);
     LinkShape shape;
     shape.kind = LinkShape::Kind::Capsule;
-    shape.from = toVector(map.require("from"));
-    shape.to = toVector(map.require("to"));
-    NumberRange positive;
-    positive.min = 0.0;
-    positive.minIsOpen = true;
-    positive.max = kFarthest_m;
-    shape.radius = toNumber(map.require("radius"), positive);
-    map.finish();
+    shape.from = capsule.from;
+    shape.to = capsule.to;
+    shape.radius = capsule.radius;
     return shape;
 }
 

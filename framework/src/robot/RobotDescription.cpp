@@ -5,12 +5,13 @@
 #include <cmath>
 #include <set>
 
-#include "config/MapReader.h"
+#include "core/Complaints.h"
 #include "core/Text.h"
 #include "robot/DynamicsCheck.h"
 #include "robot/PoseSampling.h"
 #include "robot/RigidBody.h"
 #include "robot/urdf/UrdfReader.h"
+#include "viable/config/Settings.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 
@@ -21,7 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 using detail::Complaints;
 using detail::formatNumber;
-using detail::MapReader;
 using detail::UrdfRobot;
 
 /** Largest condition number of M accepted: beyond it, solving for accelerations loses more than
@@ -90,55 +90,6 @@ std::string joinNames(const std::vector<std::string>& names) {
 
 // --------------------------------------------------------------------------------------- limits
 
-/** Reads one quantity's bounds over those already there. `isPosition` allows any sign and the form
-with a centre. */
-void readBounds(const ConfigNode& node, bool isPosition, JointBounds& bounds) {
-    const int n = static_cast<int>(bounds.lower.size());
-    NumberRange positive, negative, any;
-    positive.min = 0.0;
-    positive.minIsOpen = positive.mayBeInfinite = true;
-    negative.max = 0.0;
-    negative.maxIsOpen = negative.mayBeInfinite = true;
-    any.mayBeInfinite = true;
-    if (node.kind != ConfigNode::Kind::Map) {
-        bounds.upper = toJointVector(node, n, positive);
-        bounds.lower = -bounds.upper;
-        return;
-    }
-    ConfigMap map(node);
-    const ConfigNode* center = isPosition ? map.find("center") : nullptr;
-    const ConfigNode* halfRange = isPosition ? map.find("half_range") : nullptr;
-    if (center || halfRange) {
-        for (const char* key : {"center", "half_range"}) map.find(key);
-        map.finish();  // a misspelt key explains a missing one
-        const JointVector middle = toJointVector(map.require("center"), n);
-        const JointVector half = toJointVector(map.require("half_range"), n, positive);
-        bounds.lower = middle - half;
-        bounds.upper = middle + half;
-        return;
-    }
-    for (const char* key : {"lower", "upper"}) map.find(key);
-    map.finish();
-    bounds.lower = toJointVector(map.require("lower"), n, isPosition ? any : negative);
-    bounds.upper = toJointVector(map.require("upper"), n, isPosition ? any : positive);
-}
-
-std::vector<std::string> listLimitKeys() {
-    return {"position_rad", "velocity_radps", "acceleration_radps2", "jerk_radps3", "allow_large_angles"};
-}
-
-/** Reads these. */
-void takeLimits(MapReader& map, JointLimits& limits, bool& allowLargeAngles) {
-    const auto take = [&](const char* key, bool isPosition, JointBounds& bounds) {
-        map.offer(key, [&](const ConfigNode& node) { readBounds(node, isPosition, bounds); });
-    };
-    take("position_rad", true, limits.position);
-    take("velocity_radps", false, limits.velocity);
-    take("acceleration_radps2", false, limits.acceleration);
-    take("jerk_radps3", false, limits.jerk);
-    map.offer("allow_large_angles", [&](const ConfigNode& flag) { allowLargeAngles = toFlag(flag); });
-}
-
 /** Limits that leave no range, with the place where they were written. */
 void checkRanges(const RobotDescription& robot, const UrdfRobot& urdf, const ConfigNode& file) {
     const auto check = [&](const JointBounds& bounds, const char* key, const char* quantity, const char* unit,
@@ -189,8 +140,6 @@ void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& 
 
 /** `assumed`: keys of the same file. */
 void readAssumed(const ConfigNode& node, const ConfigNode& file, std::vector<std::string>& assumed) {
-    if (node.kind != ConfigNode::Kind::List)
-        throw badInput(node.place(), "this is no list", "Write keys of this file, such as `assumed: [home_rad]`.");
     Complaints complaints;
     for (const ConfigNode& key : node.items)
         complaints.gather([&] {
@@ -207,36 +156,69 @@ void readAssumed(const ConfigNode& node, const ConfigNode& file, std::vector<std
     complaints.throwIfAny(node.place());
 }
 
-/** What the files of a robot have in common. @param keys  their own */
-MapReader beginFile(const ConfigNode& root, std::vector<std::string> keys, std::vector<std::string>& assumed,
-                    Complaints& complaints) {
-    keys.insert(keys.begin(), "schema");
-    keys.emplace_back("assumed");
-    MapReader map(root, keys, complaints);
-    map.require("schema", [](const ConfigNode& node) { toInteger(node, 1, 1); });
-    if (map.isKnown())  // a misspelt figure may be one of them
-        map.offer("assumed", [&](const ConfigNode& node) { readAssumed(node, root, assumed); });
-    return map;
+/** What the files of a robot have in common. */
+struct RobotFile {
+    int schema = 1;
+    std::vector<std::string> assumed;
+
+    template <class V>
+    void describe(V& v) {
+        v(schema, "schema", "Version of the file format.").atLeast(1).upTo(1).required();
+        v(assumed, "assumed", "Keys of this file that are no figures of the robot's maker.").optional();
+    }
+};
+
+/** Reads `file` from `root`, as far as it goes, and notes what is assumed. @return  all its keys are known and good */
+template <class File>
+bool readRobotFile(const ConfigNode& root, File& file, RobotDescription& robot, Complaints& complaints) {
+    const ConfigNode* const assumed = root.find("assumed");
+    const bool isGood = complaints.gather([&] { readSettings(root, file, robot.size()); });
+    if (isGood && assumed)  // a misspelt figure may be one of them
+        complaints.gather([&] { readAssumed(*assumed, root, robot.assumed); });
+    return isGood;
 }
 
-void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescription& robot) {
+struct LimitsFile {
+    JointLimits limits;
+    RobotFile file = {};
+    bool allowLargeAngles = false;
+    PerJoint home = 0.0;
+    std::string toolLink = {};
+    SpeedLimits speedLimits = {};
+
+    template <class V>
+    void describe(V& v) {
+        file.describe(v);
+        limits.describe(v);
+        v(allowLargeAngles, "allow_large_angles", "Position limits beyond 4 pi are intended, not degrees.");
+        v(home, "home_rad", "rad", "Where the arm starts unless a file says otherwise.").required();
+        v(toolLink, "tool_link", "The link that is the tool frame; that in which the arm ends.");
+        v(speedLimits, "speed_limits", "Largest speeds of the arm's points.");
+    }
+    /** URDF knows neither, and leaving one out by oversight would mean no limit at all. */
+    void check(const ConfigNode& root) const {
+        Complaints complaints;
+        for (const char* key : {"acceleration_radps2", "jerk_radps3"})
+            complaints.gather([&] { ConfigMap(root).require(key); });
+        complaints.throwIfAny(root.file);
+    }
+};
+
+void readLimitsFile(const fs::path& path, const UrdfRobot& urdf, RobotDescription& robot) {
     const int n = robot.size();
-    const ConfigNode root = readConfigFile(file);
-    std::vector<std::string> keys = listLimitKeys();
-    keys.insert(keys.end(), {"home_rad", "tool_link", "speed_limits"});
+    const ConfigNode root = readConfigFile(path);
     Complaints complaints;
-    MapReader map = beginFile(root, keys, robot.assumed, complaints);
-    robot.limits = JointLimits::unlimited(n);
-    robot.limits.position = urdf.position;
-    robot.limits.velocity = urdf.velocity;
-    takeLimits(map, robot.limits, robot.allowLargeAngles);
-    // URDF knows neither, and leaving one out by oversight would mean no limit at all.
-    for (const char* key : {"acceleration_radps2", "jerk_radps3"}) map.require(key, [](const ConfigNode&) {});
-    map.require("home_rad", [&](const ConfigNode& node) { robot.home = toJointVector(node, n); });
-    const ConfigNode* tool = map.find("tool_link");
-    if (tool || map.isKnown()) complaints.gather([&] { readTool(tool, urdf, file.string(), robot); });
-    map.offer("speed_limits", [&](const ConfigNode& node) { robot.speedLimits = readSpeedLimits(node); });
-    complaints.throwIfAny(file.string());
+    LimitsFile file{JointLimits::unlimited(n)};
+    file.limits.position = urdf.position;
+    file.limits.velocity = urdf.velocity;
+    const bool isGood = readRobotFile(root, file, robot, complaints);
+    const ConfigNode* tool = root.find("tool_link");
+    if (tool || isGood) complaints.gather([&] { readTool(tool, urdf, path.string(), robot); });
+    complaints.throwIfAny(path.string());
+    robot.limits = file.limits;
+    robot.allowLargeAngles = file.allowLargeAngles;
+    robot.home = file.home.expand(n);
+    robot.speedLimits = file.speedLimits;
 
     checkRanges(robot, urdf, root);
     for (int i = 0; i < n; ++i) {
@@ -252,41 +234,52 @@ void readLimitsFile(const fs::path& file, const UrdfRobot& urdf, RobotDescriptio
 
 // ------------------------------------------------------------------------------------ actuation
 
-void readActuationFile(const fs::path& file, RobotDescription& robot) {
+struct FrictionBlock {
+    PerJoint coulomb = 0.0, viscous = 0.0, viscousVelocity = 1.0;
+    std::string source;
+
+    template <class V>
+    void describe(V& v) {
+        v(coulomb, "coulomb_Nm", "Nm", "Coulomb friction of each joint.").atLeast(0).required();
+        v(viscous, "viscous_Nm", "Nm", "Its viscous friction at high velocity.").atLeast(0).required();
+        v(viscousVelocity, "viscous_velocity_radps", "rad/s", "The velocity at which that saturates.")
+            .above(0)
+            .required();
+        v(source, "source", "Where the figures are from.");
+    }
+};
+
+struct ActuationFile {
+    RobotFile file;
+    PerJoint gearRatio = 1.0, rotorInertia = 0.0, torqueLimit = 0.0, encoderCounts = 0.0;
+    std::string source;
+    FrictionBlock friction;
+
+    template <class V>
+    void describe(V& v) {
+        file.describe(v);
+        v(gearRatio, "gear_ratio", "", "Turns of the motor for one of the joint.").above(0).required();
+        v(rotorInertia, "rotor_inertia_kgm2", "kg m^2", "Of the motor, before the gear.").atLeast(0).required();
+        v(source, "rotor_inertia_source", "Where that figure is from.");
+        v(torqueLimit, "torque_limit_Nm", "Nm", "What the motor gives at the joint.").above(0).orInfinite().required();
+        v(encoderCounts, "encoder_counts_per_motor_turn", "", "0: the reading is exact.").atLeast(0);
+        v(friction, "friction", "Friction figures.").required();
+    }
+};
+
+void readActuationFile(const fs::path& path, RobotDescription& robot) {
     const int n = robot.size();
-    Actuation& actuation = robot.actuation;
-    const ConfigNode root = readConfigFile(file);
     Complaints complaints;
-    MapReader map = beginFile(root,
-                              {"gear_ratio", "rotor_inertia_kgm2", "rotor_inertia_source", "torque_limit_Nm",
-                               "encoder_counts_per_motor_turn", "friction"},
-                              robot.assumed, complaints);
-    NumberRange positive, notNegative, positiveOrInfinite;
-    positive.min = notNegative.min = positiveOrInfinite.min = 0.0;
-    positive.minIsOpen = positiveOrInfinite.minIsOpen = true;
-    positiveOrInfinite.mayBeInfinite = true;
-
-    const auto read = [n](MapReader& from, const char* key, const NumberRange& range, JointVector& values) {
-        from.require(key, [&](const ConfigNode& node) { values = toJointVector(node, n, range); });
-    };
-    JointVector rotor = JointVector::Zero(n), counts = JointVector::Zero(n);
-    actuation.gearRatio.setOnes(n);
-    read(map, "gear_ratio", positive, actuation.gearRatio);
-    read(map, "rotor_inertia_kgm2", notNegative, rotor);
-    read(map, "torque_limit_Nm", positiveOrInfinite, actuation.torqueLimit);
-    if (map.find("encoder_counts_per_motor_turn")) read(map, "encoder_counts_per_motor_turn", notNegative, counts);
-    map.offer("rotor_inertia_source", [](const ConfigNode& node) { toText(node); });
-    actuation.rotorInertia = rotor.cwiseProduct(actuation.gearRatio.cwiseAbs2());
-    actuation.encoderCounts = counts.cwiseProduct(actuation.gearRatio);
-
-    map.require("friction", [&](const ConfigNode& node) {
-        MapReader friction(node, {"coulomb_Nm", "viscous_Nm", "viscous_velocity_radps", "source"}, complaints);
-        read(friction, "coulomb_Nm", notNegative, actuation.friction.coulomb);
-        read(friction, "viscous_Nm", notNegative, actuation.friction.viscous);
-        read(friction, "viscous_velocity_radps", positive, actuation.friction.viscousVelocity);
-        friction.offer("source", [](const ConfigNode& source) { toText(source); });
-    });
-    complaints.throwIfAny(file.string());
+    ActuationFile file;
+    readRobotFile(readConfigFile(path), file, robot, complaints);
+    complaints.throwIfAny(path.string());
+    Actuation& actuation = robot.actuation;
+    actuation.gearRatio = file.gearRatio.expand(n);
+    actuation.torqueLimit = file.torqueLimit.expand(n);
+    actuation.rotorInertia = file.rotorInertia.expand(n).cwiseProduct(actuation.gearRatio.cwiseAbs2());
+    actuation.encoderCounts = file.encoderCounts.expand(n).cwiseProduct(actuation.gearRatio);
+    actuation.friction = {file.friction.coulomb.expand(n), file.friction.viscous.expand(n),
+                          file.friction.viscousVelocity.expand(n)};
 }
 
 // -------------------------------------------------------------------------------------- inertia
@@ -426,15 +419,6 @@ std::vector<fs::path> listRobots(const std::vector<fs::path>& searchPath) {
             if (names.insert(robot.filename().string()).second) robots.push_back(robot);
     }
     return robots;
-}
-
-JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& allowLargeAngles) {
-    Complaints complaints;
-    MapReader map(block, listLimitKeys(), complaints);
-    JointLimits limits = base;
-    takeLimits(map, limits, allowLargeAngles);
-    complaints.throwIfAny(block.place());
-    return limits;
 }
 
 RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset) {

@@ -21,24 +21,23 @@ double FrictionLaw::calcDamping(double v) const {
     return viscous / viscousVelocity * share;
 }
 
-void ArmHardware::configure(const RunSetup& setup, const Parameters& parameters) {
+void ArmHardware::configure(const RunSetup& setup, const ArmHardwareOptions& options, const Parameters& parameters) {
     n_ = setup.size();
-    substeps_ = static_cast<int>(parameters.integer("substeps"));
+    substeps_ = options.substeps;
     substep_s_ = setup.tick_s / substeps_;
 
-    robot_ = withScaledMasses(setup.robot, parameters.jointNumbers("mass_factor"));
-    const std::vector<double>& offset = parameters.numbers("payload_offset_m");
-    robot_ = withPayload(std::move(robot_), parameters.number("payload_kg"), {offset[0], offset[1], offset[2]});
-    const std::vector<double>& tilt = parameters.numbers("base_tilt_rad");
+    robot_ = withScaledMasses(setup.robot, options.massFactor.expand(n_));
+    robot_ = withPayload(std::move(robot_), options.payload_kg, options.payloadOffset);
+    const Eigen::Vector2d& tilt = options.baseTilt;
     const Eigen::Matrix3d base =
         (Eigen::AngleAxisd(tilt[0], Eigen::Vector3d::UnitX()) * Eigen::AngleAxisd(tilt[1], Eigen::Vector3d::UnitY()))
             .toRotationMatrix();
     if (tilt[0] != 0.0 || tilt[1] != 0.0) robot_.gravity = base.transpose() * setup.robot.gravity;
 
     const Actuation& actuation = robot_.actuation;
-    torqueLimit_ = actuation.torqueLimit * parameters.number("torque_limit_factor");
-    ripple_ = parameters.jointNumbers("torque_ripple_Nm");
-    ripplePerRad_ = parameters.jointNumbers("torque_ripple_per_turn");
+    torqueLimit_ = actuation.torqueLimit * options.torqueLimitFactor;
+    ripple_ = options.torqueRipple.expand(n_);
+    ripplePerRad_ = options.torqueRipplePerTurn.expand(n_);
     for (int i = 0; i < n_; ++i) {
         // Twice per turn of the wave generator: Kennedy and Desai, "Modeling and control of the Mitsubishi
         // PA-10 robot arm harmonic drive system", IEEE/ASME Trans. Mechatronics 10 (2005).
@@ -46,29 +45,30 @@ void ArmHardware::configure(const RunSetup& setup, const Parameters& parameters)
         if (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic) ripplePerRad_[i] *= 2.0 * EIGEN_PI;
     }
 
-    hasFriction_ = parameters.text("friction") == "robot";
-    const JointVector& scale = parameters.jointNumbers("friction_scale");
+    hasFriction_ = !options.isFrictionless;
+    const PerJoint& scale = options.frictionScale;
     for (int i = 0; i < n_; ++i) {
         FrictionLaw& law = friction_[static_cast<std::size_t>(i)];
         law.coulomb = scale[i] * actuation.friction.coulomb[i];
-        law.breakaway = parameters.number("breakaway_ratio") * law.coulomb;
-        law.stribeckVelocity = parameters.number("stribeck_velocity_radps");
-        law.loadShare = parameters.jointNumbers("load_friction")[i];
+        law.breakaway = options.breakawayRatio * law.coulomb;
+        law.stribeckVelocity = options.stribeckVelocity;
+        law.loadShare = options.loadFriction[i];
         law.viscous = scale[i] * actuation.friction.viscous[i];
         law.viscousVelocity = actuation.friction.viscousVelocity[i];
     }
 
-    push_ = parameters.jointNumbers("push_Nm");
-    pushTicks_ = TickWindow::read(parameters, "push_from_s", "push_until_s", setup.tick_s);
-    blockedJoint_ = static_cast<int>(parameters.integer("blocked_joint"));
+    push_ = options.push.expand(n_);
+    pushTicks_ = TickWindow::make(options.pushFrom_s, options.pushUntil_s, setup.tick_s, parameters, "push");
+    blockedJoint_ = options.blockedJoint;
     if (blockedJoint_ >= n_)
         throw badInput(parameters.place("blocked_joint"),
                        "there is no joint " + std::to_string(blockedJoint_) + "; the robot's joints are 0 to " +
                            std::to_string(n_ - 1),
                        "Joints are counted from 0; -1 blocks none.");
-    blockedTicks_ = TickWindow::read(parameters, "blocked_from_s", "blocked_until_s", setup.tick_s);
-    delay_ = static_cast<int>(parameters.integer("delay_ticks"));
-    sensors_.configure(robot_, setup.tick_s, parameters);
+    blockedTicks_ =
+        TickWindow::make(options.blockedFrom_s, options.blockedUntil_s, setup.tick_s, parameters, "blocked");
+    delay_ = options.delayTicks;
+    sensors_.configure(robot_, setup.tick_s, options.sensors, parameters);
 }
 
 void ArmHardware::reset(const JointState& start) {

@@ -16,6 +16,22 @@ struct StreamOptions {
     double gapEvery_s = 5.0;  ///< once in so long, at a time drawn evenly; > gap_s
     BetweenSamples between = BetweenSamples::Extrapolate;
     std::uint64_t seed = 1;
+
+    template <class V>
+    void describe(V& v) {
+        v(rate_hz, "rate_hz", "Hz", "Samples sent; at most one a tick.").atLeast(0.1).upTo(1e5).required();
+        v(jitter, "jitter", "", "A sample is late by up to this share of a period, drawn evenly.").atLeast(0).below(1);
+        v(loss, "loss", "", "Share of the samples that never come.").atLeast(0).below(1);
+        v(gap_s, "gap_s", "s", "Nothing comes for so long, once in every gap_every_s.").atLeast(0);
+        v(gapEvery_s, "gap_every_s", "s", "Longer than gap_s; where in it a gap begins is drawn.")
+            .atLeast(0.001)
+            .upTo(1e5);
+        v(between, "between", "hold|interpolate|extrapolate",
+          "What the command is between two samples: the newest one at rest; straight to the newest one, which is "
+          "reached when "
+          "the next is due; on from the newest as the last two went.");
+        v(seed, "seed", "Of what is drawn.").atLeast(0);
+    }
 };
 
 /** A line between a command source and the arm: samples, delays and loses a command, and makes of what comes a command

@@ -25,48 +25,44 @@ std::int64_t toTick(double time_s, double tick_s) {
 
 }  // namespace
 
-TickWindow TickWindow::read(const Parameters& parameters, const char* from, const char* until, double tick_s) {
-    const double from_s = parameters.number(from), until_s = parameters.number(until);
+TickWindow TickWindow::make(double from_s, double until_s, double tick_s, const Parameters& parameters,
+                            const std::string& what) {
     if (!(until_s > from_s))
-        throw badInput(parameters.place(until),
+        throw badInput(parameters.place((what + "_until_s").c_str()),
                        "the end, " + detail::formatNumber(until_s) + " s, is not after the beginning, " +
                            detail::formatNumber(from_s) + " s",
-                       std::string("Give a time after ") + from + ", or .inf.");
+                       "Give a time after " + what + "_from_s, or .inf.");
     TickWindow window;
     window.first = toTick(from_s, tick_s);
     window.end = toTick(until_s, tick_s);
     return window;
 }
 
-void JointSensors::configure(const RobotDescription& robot, double tick_s, const Parameters& parameters) {
+void JointSensors::configure(const RobotDescription& robot, double tick_s, const JointSensorOptions& options,
+                             const Parameters& parameters) {
     n_ = robot.size();
     tick_s_ = tick_s;
-    const bool exact = parameters.text("encoder") == "exact";
-    encoder_ = exact ? Encoder::Exact : Encoder::Counts;
-    noise_ = parameters.number("encoder_noise_rad");
-    seed_ = static_cast<std::uint64_t>(parameters.integer("seed"));
-    isVelocityExact_ = exact && noise_ == 0.0;
+    options_ = options;
+    const bool exact = options.encoder == Encoder::Exact;
+    isVelocityExact_ = exact && options.noise_rad == 0.0;
     resolution_.setZero(n_);
     for (int i = 0; i < n_; ++i)
         if (!exact) resolution_[i] = robot.encoderStep(i);
 
-    const std::string& fault = parameters.text("sensor_fault");
-    const char* const names[] = {"none", "stuck", "bias", "sign", "spike", "swap", "wrap", "nan"};
-    fault_ = static_cast<Fault>(std::find(std::begin(names), std::end(names), fault) - names);
-    faultJoint_ = static_cast<int>(parameters.integer("sensor_fault_joint"));
-    faultSize_ = parameters.number("sensor_fault_rad");
-    faultTicks_ = TickWindow::read(parameters, "sensor_fault_from_s", "sensor_fault_until_s", tick_s);
-    const int channels = fault_ == Fault::Swap ? n_ - 1 : n_;  // the last joint has no next one
-    if (fault_ != Fault::None && faultJoint_ >= channels)
+    faultTicks_ = TickWindow::make(options.faultFrom_s, options.faultUntil_s, tick_s, parameters, "sensor_fault");
+    const int channels = options_.fault == SensorFault::Swap ? n_ - 1 : n_;  // the last joint has no next one
+    if (options_.fault != SensorFault::None && options_.faultJoint >= channels)
         throw badInput(parameters.place("sensor_fault_joint"),
-                       "joint " + std::to_string(faultJoint_) + " cannot have the fault `" + fault +
-                           "`; the robot's joints are 0 to " + std::to_string(n_ - 1),
-                       fault_ == Fault::Swap ? "A joint is swapped with the next one, so not the last one."
-                                             : "Joints are counted from 0.");
+                       "joint " + std::to_string(options_.faultJoint) + " cannot have the fault `" +
+                           parameters.resolved().find("sensor_fault")->text + "`; the robot's joints are 0 to " +
+                           std::to_string(n_ - 1),
+                       options_.fault == SensorFault::Swap
+                           ? "A joint is swapped with the next one, so not the last one."
+                           : "Joints are counted from 0.");
 }
 
 void JointSensors::reset(const JointState& truth) {
-    random_.seed(seed_);
+    random_.seed(options_.seed);
     tick_ = 0;
     measured_ = truth;
     takeReadings(truth);
@@ -92,7 +88,7 @@ void JointSensors::takeReadings(const JointState& truth) {
     JointState reading = truth;
     for (int i = 0; i < n_; ++i) {
         double& q = reading.q[i];
-        if (noise_ > 0.0) q += noise_ * drawNormal();
+        if (options_.noise_rad > 0.0) q += options_.noise_rad * drawNormal();
         if (resolution_[i] > 0.0) q = resolution_[i] * std::round(q / resolution_[i]);
     }
     if (faultTicks_.contains(tick_)) disturb(reading);
@@ -101,32 +97,32 @@ void JointSensors::takeReadings(const JointState& truth) {
 }
 
 void JointSensors::disturb(JointState& reading) {
-    double &q = reading.q[faultJoint_], &qd = reading.qd[faultJoint_];
-    switch (fault_) {
-        case Fault::None:
+    double &q = reading.q[options_.faultJoint], &qd = reading.qd[options_.faultJoint];
+    switch (options_.fault) {
+        case SensorFault::None:
             break;
-        case Fault::Stuck:
-            q = measured_.q[faultJoint_];
+        case SensorFault::Stuck:
+            q = measured_.q[options_.faultJoint];
             qd = 0.0;
             break;
-        case Fault::Bias:
-            q += faultSize_;
+        case SensorFault::Bias:
+            q += options_.fault_rad;
             break;
-        case Fault::Sign:
+        case SensorFault::Sign:
             q = -q;
             qd = -qd;
             break;
-        case Fault::Spike:
-            if (tick_ == faultTicks_.first) q += faultSize_;
+        case SensorFault::Spike:
+            if (tick_ == faultTicks_.first) q += options_.fault_rad;
             break;
-        case Fault::Swap:
-            std::swap(q, reading.q[faultJoint_ + 1]);
-            std::swap(qd, reading.qd[faultJoint_ + 1]);
+        case SensorFault::Swap:
+            std::swap(q, reading.q[options_.faultJoint + 1]);
+            std::swap(qd, reading.qd[options_.faultJoint + 1]);
             break;
-        case Fault::Wrap:
+        case SensorFault::Wrap:
             q += kTurn;
             break;
-        case Fault::Nan:
+        case SensorFault::Nan:
             q = qd = std::numeric_limits<double>::quiet_NaN();
             break;
     }

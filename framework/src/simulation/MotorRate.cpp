@@ -4,9 +4,9 @@
 
 namespace viable {
 
-void MotorRate::configure(const RunSetup& setup, const Parameters& parameters) {
-    rate_ = parameters.jointNumbers("motor_rate_Nmps");
-    torqueLimit_ = setup.robot.actuation.torqueLimit * parameters.number("torque_limit_factor");
+void MotorRate::configure(const RunSetup& setup, const MotorRateOptions& options, double torqueLimitFactor) {
+    rate_ = options.rate.expand(setup.size());
+    torqueLimit_ = setup.robot.actuation.torqueLimit * torqueLimitFactor;
     largestStep_ = rate_ * setup.tick_s;
     arm_.reset();
     if (!largestStep_.array().isInf().all()) arm_ = std::make_shared<const ArmRecursion>(setup.robot);

@@ -99,22 +99,23 @@ FrictionFeed scaleFriction(const JointFriction& figures, const PerJoint& scale, 
 }
 
 void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
+    const auto settings = parameters.get<NricSettings>();
+    const int n = setup.size();
     LinearErrorLoop gains;
-    gains.kr = parameters.jointNumbers("k_r");
-    gains.kp = parameters.jointNumbers("k_p");
-    gains.ki = parameters.jointNumbers("k_i");
+    if (settings.kr) gains.kr = settings.kr->expand(n);
+    if (settings.kp) gains.kp = settings.kp->expand(n);
+    if (settings.ki) gains.ki = settings.ki->expand(n);
     if (gains.kr.size() == 0 || gains.kp.size() == 0 || gains.ki.size() == 0)
         gains = scaleGains(setup.robot, setup.limits, setup.tick_s, setup.delayTicks, gains);
-    const std::filesystem::path& file = parameters.file("friction_file");
+    const std::filesystem::path& file = settings.frictionFile;
     const JointFriction figures =
         file.empty() ? setup.robot.actuation.friction : readFriction(file, setup.robot.jointNames());
     // What the motors cut off must not wind it up.
-    JointVector motorRate = parameters.jointNumbers("motor_rate_Nmps");
+    JointVector motorRate = settings.motorRate.expand(n);
     if (setup.motorRate.size() > 0) motorRate = motorRate.cwiseMin(setup.motorRate);
-    configure(setup, NricOptions{gains.kr, gains.kp, gains.ki, parameters.jointNumbers("integral_limit_Nm"),
-                                 parameters.jointNumbers("torque_rate_Nmps"), gains.inertiaRate, motorRate,
-                                 scaleFriction(figures, parameters.jointNumbers("friction_scale"), setup.limits,
-                                               setup.tick_s)});
+    configure(setup,
+              NricOptions{gains.kr, gains.kp, gains.ki, settings.integralLimit, settings.torqueRate, gains.inertiaRate,
+                          motorRate, scaleFriction(figures, settings.frictionScale, setup.limits, setup.tick_s)});
 }
 
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {

@@ -13,6 +13,31 @@ struct ToolFollowerOptions {
     /** Of acceleration and jerk limits, for the motion relative to the reference: see Servo. */
     double share = 1.0;
     double velocityFilter_s = 0.0;  ///< of the reference's velocity: see TargetVelocity
+
+    template <class V>
+    void describe(V& v) {
+        v(share, "share", "",
+          "Share of acceleration and jerk limits for the motion relative to the reference; the rest is for the "
+          "reference's own.")
+            .above(0)
+            .upTo(1);
+        v(velocityFilter_s, "velocity_filter_s", "s",
+          "Time constant in which the reference's velocity is smoothed before it is followed; infinite: the reference "
+          "counts as "
+          "resting; 0: from each joint's limits, as far as it could follow.")
+            .atLeast(0)
+            .orInfinite();
+        v(reference.restRate, "rest_rate", "1/s",
+          "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, to where "
+          "they "
+          "started, once the tool is where it is commanded; behind a hand that moves they wait.")
+            .atLeast(0);
+        v(reference.apart_m, "apart_m", "m",
+          "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is nearer than "
+          "this; 0, "
+          "or with keeps_clear: false: they do not.")
+            .atLeast(0);
+    }
 };
 
 /** Leads the tool to a commanded pose, as fast as the joints' limits allow: a joint reference within the position limits

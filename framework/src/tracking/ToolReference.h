@@ -15,8 +15,8 @@ class ArmRecursion;
 /** How a tool pose becomes a motion of the joints. */
 struct ToolReferenceOptions {
     double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error; 0: the orientation is free
-    double restRate = 0.0;          ///< how fast spare joints go to their rest posture [1/s]
-    double apart_m = 0.0;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
+    double restRate = 0.5;          ///< how fast spare joints go to their rest posture [1/s]
+    double apart_m = 0.1;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
 };
 
 /** The joint positions whose tool is nearest to a commanded pose, within the joint position limits: integrated from

@@ -30,6 +30,38 @@ struct DisturbanceSet {
     /** Largest error of a reading besides its rounding to counts: four times the plants' encoder_noise_rad. */
     double readingError_rad = 0.0;
     int delayTicks = 0;  ///< between the computed torque and the motors
+
+    template <class V>
+    void describe(V& v) {
+        v(frictionScale, "friction_scale", "", "Largest factor on the robot's friction figures; 0: no friction.")
+            .atLeast(0);
+        v(frictionScaleMin, "friction_scale_min", "",
+          "Smallest factor; it counts where the robust loop feeds friction forward.")
+            .atLeast(0);
+        v(isFrictionConstant, "friction", "jumps|constant_in_a_run",
+          "Whether that factor changes at any time, or is the same all through a run.");
+        v(breakawayRatio, "breakaway_ratio", "", "Largest friction at standstill over Coulomb friction.").atLeast(1);
+        v(loadFriction, "load_friction", "", "Largest friction per torque that the joint carries.").atLeast(0).below(1);
+        v(massError, "mass_error", "", "Masses and inertias are within 1 - this and 1 + this of the model's.")
+            .atLeast(0)
+            .below(1);
+        v(payload_kg, "payload_kg", "kg", "Largest payload.").atLeast(0).upTo(1000);
+        v(payloadOffset_m, "payload_offset_m", "m", "Its largest distance from the tool frame's origin.").atLeast(0);
+        v(baseTilt_rad, "base_tilt_rad", "rad", "Largest tilt of the base.").atLeast(0).upTo(3.15);
+        v(torqueRipple_Nm, "torque_ripple_Nm", "Nm", "Largest torque ripple.").atLeast(0);
+        v(externalTorque_Nm, "external_torque_Nm", "Nm",
+          "Largest torque of pushes that are not fed to the nominal arm.")
+            .atLeast(0);
+        v(torqueLimitFactor, "torque_limit_factor", "", "Smallest motor torque, as a share of the robot's figure.")
+            .above(0)
+            .orInfinite();
+        v(readingError_rad, "reading_error_rad", "rad",
+          "Largest error of a reading besides its rounding; of a plant with encoder_noise_rad (a standard deviation, "
+          "cut at "
+          "four) four times that.")
+            .atLeast(0);
+        v(delayTicks, "delay_ticks", "Between the computed torque and the motors.").atLeast(0).upTo(20);
+    }
 };
 
 /** How far the real arm can get from the nominal one at a tick, within a disturbance set. */

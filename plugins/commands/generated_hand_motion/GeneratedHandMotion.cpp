@@ -16,29 +16,6 @@ namespace {
 
 constexpr double kMostReaches = 1e6;  // about 150 MB
 
-const ParameterSpec kParameters[] = {
-    parameter::integer("seed", "1", "Another number is another motion.").atLeast(0),
-    parameter::numbers("reach_m", "m", 3, 3, "[0.10, 0.20, 0.10]",
-                       "Targets lie this far from the start at most, along each base axis.")
-        .atLeast(0)
-        .upTo(10),
-    parameter::number("rotation_rad", "rad", "0.5", "Targets are turned by at most this angle.").atLeast(0).upTo(3),
-    parameter::number("fastest_s", "s", "0.5", "Shortest time of one reach.").atLeast(0.05).upTo(100),
-    parameter::number("slowest_s", "s", "1.4", "Longest time drawn for one reach.").atLeast(0.05).upTo(100),
-    parameter::number("top_speed_mps", "m/s", "1.5", "A reach that would be faster than this takes longer.")
-        .above(0)
-        .orInfinite(),
-    parameter::number("pause_s", "s", "0.3", "Longest pause after a reach.").atLeast(0).upTo(100),
-    parameter::number("tremor_m", "m", "0.0001",
-                      "Largest offset by tremor along each base axis; grows from zero in the first "
-                      "second.")
-        .atLeast(0)
-        .upTo(0.1),
-    parameter::number("tremor_rad", "rad", "0.0005", "Largest rotation by tremor about each base axis.")
-        .atLeast(0)
-        .upTo(0.1),
-};
-
 // Random numbers that are the same with every standard library: its distributions are not.
 class Draw {
 public:
@@ -64,17 +41,39 @@ private:
     std::mt19937_64 engine_;
 };
 
+struct GeneratedHandMotionOptions {
+    std::uint64_t seed = 1;
+    Eigen::Vector3d reach{0.1, 0.2, 0.1};
+    double rotation = 0.5, fastest = 0.5, slowest = 1.4, topSpeed = 1.5, pause = 0.3, tremor_m = 1e-4,
+           tremor_rad = 5e-4;
+
+    template <class V>
+    void describe(V& v) {
+        v(seed, "seed", "Another number is another motion.").atLeast(0);
+        v(reach, "reach_m", "m", "Targets lie this far from the start at most, along each base axis.")
+            .atLeast(0)
+            .upTo(10);
+        v(rotation, "rotation_rad", "rad", "Targets are turned by at most this angle.").atLeast(0).upTo(3);
+        v(fastest, "fastest_s", "s", "Shortest time of one reach.").atLeast(0.05).upTo(100);
+        v(slowest, "slowest_s", "s", "Longest time drawn for one reach.").atLeast(0.05).upTo(100);
+        v(topSpeed, "top_speed_mps", "m/s", "A reach that would be faster than this takes longer.")
+            .above(0)
+            .orInfinite();
+        v(pause, "pause_s", "s", "Longest pause after a reach.").atLeast(0).upTo(100);
+        v(tremor_m, "tremor_m", "m",
+          "Largest offset by tremor along each base axis; grows from zero in the first second.")
+            .atLeast(0)
+            .upTo(0.1);
+        v(tremor_rad, "tremor_rad", "rad", "Largest rotation by tremor about each base axis.").atLeast(0).upTo(0.1);
+    }
+};
+
 }  // namespace
 
 void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& parameters) {
     start_ = setup.startTool;
-    const auto seed = static_cast<std::uint64_t>(parameters.integer("seed"));
-    const std::vector<double>& reach = parameters.numbers("reach_m");
-    const double rotation = parameters.number("rotation_rad");
-    const double fastest = parameters.number("fastest_s");
-    const double slowest = parameters.number("slowest_s");
-    const double topSpeed = parameters.number("top_speed_mps");
-    const double pause = parameters.number("pause_s");
+    const auto [seed, reach, rotation, fastest, slowest, topSpeed, pause, tremor_m, tremor_rad] =
+        parameters.get<GeneratedHandMotionOptions>();
     char message[160];
     if (slowest < fastest) {
         std::snprintf(message, sizeof message, "slowest_s = %g s is shorter than fastest_s = %g s", slowest, fastest);
@@ -93,8 +92,8 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
         for (Sine& sine : axis)
             sine = {2.0 * kPi * tremorDraw.between(kTremorLowest_Hz, kTremorHighest_Hz),
                     tremorDraw.between(0.0, 2.0 * kPi)};
-    tremor_.head<3>().setConstant(parameters.number("tremor_m"));
-    tremor_.tail<3>().setConstant(parameters.number("tremor_rad"));
+    tremor_.head<3>().setConstant(tremor_m);
+    tremor_.tail<3>().setConstant(tremor_rad);
 
     Draw draw(seed, 0);
     reaches_.clear();
@@ -102,7 +101,7 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
     for (double t = 0.0; t < end;) {
         Vector6 to;
         for (int axis = 0; axis < 3; ++axis) {
-            const double extent = reach[static_cast<std::size_t>(axis)];
+            const double extent = reach[axis];
             to[axis] = draw.between(-extent, extent);
         }
         to.tail<3>() = draw.inBall(rotation);
@@ -149,4 +148,5 @@ TickStatus GeneratedHandMotion::sample(double t, MotionCommand& out) {
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::CommandSource, viable::GeneratedHandMotion, "generated_hand_motion",
-              "An operator's hand reaching around the start pose, made from a seed.", viable::kParameters)
+              "An operator's hand reaching around the start pose, made from a seed.",
+              viable::GeneratedHandMotionOptions)

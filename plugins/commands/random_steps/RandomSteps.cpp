@@ -12,30 +12,33 @@ namespace viable {
 
 namespace {
 
-constexpr double kMostSteps = 1e6;  // per joint: 16 MB
+struct RandomStepsOptions {
+    std::uint64_t seed = 1;
+    double shortest = 0.5, longest = 3.0, beyondShare = 0.3, beyond = 0.5;
 
-const ParameterSpec kParameters[] = {
-    parameter::integer("seed", "1", "Another number is another sequence.").atLeast(0),
-    parameter::number("shortest_s", "s", "0.5", "Shortest time that a set-point is held; times are drawn evenly.")
-        .atLeast(0.001)
-        .upTo(1000),
-    parameter::number("longest_s", "s", "3.0", "Longest time that a set-point is held.").atLeast(0.001).upTo(1000),
-    parameter::number("beyond_share", "", "0.3",
-                      "Share of the set-points that lie beyond a limit, either side alike; the "
-                      "others are drawn evenly between the limits.")
-        .atLeast(0)
-        .upTo(1),
-    parameter::number("beyond_rad", "rad", "0.5", "How far beyond a limit at most, drawn evenly.").atLeast(0).upTo(100),
+    template <class V>
+    void describe(V& v) {
+        v(seed, "seed", "Another number is another sequence.").atLeast(0);
+        v(shortest, "shortest_s", "s", "Shortest time that a set-point is held; times are drawn evenly.")
+            .atLeast(0.001)
+            .upTo(1000);
+        v(longest, "longest_s", "s", "Longest time that a set-point is held.").atLeast(0.001).upTo(1000);
+        v(beyondShare, "beyond_share", "",
+          "Share of the set-points that lie beyond a limit, either side alike; the others are drawn evenly between the "
+          "limits.")
+            .atLeast(0)
+            .upTo(1);
+        v(beyond, "beyond_rad", "rad", "How far beyond a limit at most, drawn evenly.").atLeast(0).upTo(100);
+    }
 };
+
+constexpr double kMostSteps = 1e6;  // per joint: 16 MB
 
 }  // namespace
 
 void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters) {
-    const auto seed = static_cast<std::uint64_t>(parameters.integer("seed"));
-    const double shortest = parameters.number("shortest_s");
-    const double longest = parameters.number("longest_s");
-    const double beyondShare = parameters.number("beyond_share");
-    const double beyond = parameters.number("beyond_rad");
+    const auto options = parameters.get<RandomStepsOptions>();
+    const double shortest = options.shortest, longest = options.longest;
     char message[200];
     if (longest < shortest) {
         std::snprintf(message, sizeof message, "longest_s = %g s is shorter than shortest_s = %g s", longest, shortest);
@@ -56,16 +59,16 @@ void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters)
                                setup.robot.joints[static_cast<std::size_t>(i)].name,
                            "Set limits.position_rad, or use the command waypoints.");
         // The standard's engine is the same with every library, its distributions are not.
-        std::seed_seq words{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
+        std::seed_seq words{static_cast<std::uint32_t>(options.seed), static_cast<std::uint32_t>(options.seed >> 32),
                             static_cast<std::uint32_t>(i)};
         std::mt19937_64 engine(words);
         const auto draw = [&](double low, double high) {
             return low + static_cast<double>(engine() >> 11) * 0x1p-53 * (high - low);
         };
         for (double t = 0.0; t < end; t += draw(shortest, longest)) {
-            const bool isBeyond = draw(0.0, 1.0) < beyondShare;
+            const bool isBeyond = draw(0.0, 1.0) < options.beyondShare;
             const double inside = draw(lower, upper), side = draw(-1.0, 1.0);
-            const double past = draw(0.0, beyond);
+            const double past = draw(0.0, options.beyond);
             joints_[static_cast<std::size_t>(i)].push_back({t, !isBeyond    ? inside
                                                                : side < 0.0 ? lower - past
                                                                             : upper + past});
@@ -94,4 +97,4 @@ TickStatus RandomSteps::sample(double t, MotionCommand& out) {
 
 VIABLE_PLUGIN(viable::CommandSource, viable::RandomSteps, "random_steps",
               "Random joint set-points held for random times, some beyond the limits, made from a seed.",
-              viable::kParameters)
+              viable::RandomStepsOptions)

@@ -18,33 +18,37 @@ constexpr double kAxesTolerance = 1e-3;
 // Rotations nearer than this to a half turn have no unique rotation vector to scale. [rad]
 constexpr double kHalfTurnMargin_rad = 0.1;
 
-const ParameterSpec kParameters[] = {
-    parameter::file("file", nullptr,
-                    "Recording: TUM trajectory (`timestamp tx ty tz qx qy qz qw`), or CSV whose first line "
-                    "names `time_s,x_m,y_m,z_m,qx,qy,qz,qw` in any order; `#` begins a comment line."),
-    parameter::number("start_s", "s", "0", "The motion begins this far into the recording.").atLeast(0),
-    parameter::number("scale", "", "1", "Displacements are multiplied by this.").atLeast(0).upTo(100),
-    parameter::number("rotation_scale", "", "1", "Rotation vectors are multiplied by this.").atLeast(0).upTo(2),
-    parameter::numbers("axes", "", 9, 9, "[1, 0, 0, 0, 1, 0, 0, 0, 1]",
-                       "Rotation matrix, row by row, from the recording's to the base's axes."),
-    parameter::number("clutch_s", "s", "1",
-                      "Playing speeds up from standstill, and slows down at the end, within this "
-                      "time.")
-        .above(0),
-    parameter::choice("at_end", "hold|reverse", "reverse", "At the end of the recording: stay, or run back and forth."),
-    parameter::number("smoothing_s", "s", "0.02",
-                      "Standard deviation of the zero-phase Gaussian that takes noise out; 0: none.")
-        .atLeast(0)
-        .upTo(0.5),
-    parameter::number("max_gap_s", "s", "0.2", "Longest time between two samples; a longer one is a gap.").above(0),
-    parameter::choice("gaps", "refuse|hold", "refuse",
-                      "Recordings with gaps: refuse them, or let the tool rest in a gap and go on from where it is."),
+struct RecordedPosesOptions {
+    std::filesystem::path file;
+    double start_s = 0.0, scale = 1.0, rotationScale = 1.0, clutch_s = 1.0, smoothing_s = 0.02, maxGap_s = 0.2;
+    Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+    bool reverses = true, holdsInGaps = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(file, "file",
+          "Recording: TUM trajectory (`timestamp tx ty tz qx qy qz qw`), or CSV whose first line names "
+          "`time_s,x_m,y_m,z_m,qx,qy,qz,qw` in any order; `#` begins a comment line.")
+            .required();
+        v(start_s, "start_s", "s", "The motion begins this far into the recording.").atLeast(0);
+        v(scale, "scale", "", "Displacements are multiplied by this.").atLeast(0).upTo(100);
+        v(rotationScale, "rotation_scale", "", "Rotation vectors are multiplied by this.").atLeast(0).upTo(2);
+        v(axes, "axes", "", "Rotation matrix, row by row, from the recording's to the base's axes.");
+        v(clutch_s, "clutch_s", "s", "Playing speeds up from standstill, and slows down at the end, within this time.")
+            .above(0);
+        v(reverses, "at_end", "hold|reverse", "At the end of the recording: stay, or run back and forth.");
+        v(smoothing_s, "smoothing_s", "s",
+          "Standard deviation of the zero-phase Gaussian that takes noise out; 0: none.")
+            .atLeast(0)
+            .upTo(0.5);
+        v(maxGap_s, "max_gap_s", "s", "Longest time between two samples; a longer one is a gap.").above(0);
+        v(holdsInGaps, "gaps", "refuse|hold",
+          "Recordings with gaps: refuse them, or let the tool rest in a gap and go on from where it is.");
+    }
 };
 
-Eigen::Matrix3d readAxes(const Parameters& parameters) {
-    const std::vector<double>& rows = parameters.numbers("axes");
-    Eigen::Matrix3d axes;
-    for (int i = 0; i < 9; ++i) axes(i / 3, i % 3) = rows[static_cast<std::size_t>(i)];
+/** An exact rotation. */
+Eigen::Matrix3d checkAxes(const Eigen::Matrix3d& axes, const Parameters& parameters) {
     const double deviation = (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     const double determinant = axes.determinant();
     if (!(deviation <= kAxesTolerance) || determinant < 0.0) {
@@ -61,10 +65,9 @@ Eigen::Matrix3d readAxes(const Parameters& parameters) {
 
 // A part, relative to its first pose, in base axes and scaled, and from there to `begin`, where the tool is then.
 std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, const TimedPose& begin,
-                                    const Parameters& parameters) {
-    const Eigen::Matrix3d axes = readAxes(parameters);
-    const double scale = parameters.number("scale");
-    const double rotationScale = parameters.number("rotation_scale");
+                                    const RecordedPosesOptions& options, const Parameters& parameters) {
+    const Eigen::Matrix3d axes = checkAxes(options.axes, parameters);
+    const double scale = options.scale, rotationScale = options.rotationScale;
     const TimedPose& origin = samples.front();
     std::vector<TimedPose> result;
     result.reserve(samples.size());
@@ -97,16 +100,16 @@ std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, const
 
 void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameters) {
     start_ = setup.startTool;
-    clutch_s_ = parameters.number("clutch_s");
-    reverses_ = parameters.text("at_end") == "reverse";
-    const std::filesystem::path& file = parameters.file("file");
-    const double start = parameters.number("start_s");
-    std::vector<std::vector<TimedPose>> parts =
-        readPoseRecording(file, {parameters.number("max_gap_s"), parameters.text("gaps") == "hold"});
+    const auto options = parameters.get<RecordedPosesOptions>();
+    clutch_s_ = options.clutch_s;
+    reverses_ = options.reverses;
+    const std::filesystem::path& file = options.file;
+    const double start = options.start_s;
+    std::vector<std::vector<TimedPose>> parts = readPoseRecording(file, {options.maxGap_s, options.holdsInGaps});
     const double length = parts.back().back().time_s;
     std::size_t left = 0;
     for (std::vector<TimedPose>& part : parts) {
-        part = smooth(part, parameters.number("smoothing_s"));
+        part = smooth(part, options.smoothing_s);
         const auto isBefore = [](const TimedPose& s, double t) { return s.time_s < t; };
         part.erase(part.begin(), std::lower_bound(part.begin(), part.end(), start, isBefore));
         left += part.size();
@@ -129,7 +132,7 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
         if (clutch_s_ > duration) continue;
         if (parts_.empty()) first = part.front().time_s;
         const double begin = parts_.empty() ? 0.0 : std::max(part.front().time_s - first, parts_.back().end(clutch_s_));
-        const std::vector<TimedPose> relative = makeRelative(part, now, parameters);
+        const std::vector<TimedPose> relative = makeRelative(part, now, options, parameters);
         now = relative.back();
         parts_.push_back({begin, {}});
         parts_.back().spline.fit(relative);
@@ -200,4 +203,4 @@ TickStatus RecordedPoses::sample(double t, MotionCommand& out) {
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::CommandSource, viable::RecordedPoses, "recorded_poses",
-              "A recorded motion of a hand or camera (TUM trajectory or CSV).", viable::kParameters)
+              "A recorded motion of a hand or camera (TUM trajectory or CSV).", viable::RecordedPosesOptions)

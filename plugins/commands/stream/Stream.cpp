@@ -12,20 +12,24 @@ namespace viable {
 
 namespace {
 
+struct StreamPluginOptions {
+    MotionCommand::Space space = MotionCommand::Space::Joint;
+    std::string name = "stream";
+    BetweenSamples between = BetweenSamples::Hold;
+    double stale_s = 0.1;
+
+    template <class V>
+    void describe(V& v) {
+        v(space, "space", "joint|tool", "What the targets are: joint positions, or poses of the tool.");
+        v(name, "name", "Of the socket, for programs: viable.Stream(NAME). Letters, digits, - and _.");
+        v(between, "between", "hold|interpolate|extrapolate",
+          "The command between two targets: the last one, straight to it within a period, or on as the last two went.");
+        v(stale_s, "stale_s", "s", "A target that is older than this when it comes is refused.").above(0).upTo(10);
+    }
+};
+
 constexpr double kLargest = 1e3;  // [rad, m]: farther is no arm's
 constexpr double kFromFuture_s = 0.01;
-
-const ParameterSpec kParameters[] = {
-    parameter::choice("space", "joint|tool", "joint", "What the targets are: joint positions, or poses of the tool."),
-    parameter::text("name", "stream", "Of the socket, for programs: viable.Stream(NAME). Letters, digits, - and _."),
-    parameter::choice(
-        "between", "hold|interpolate|extrapolate", "hold",
-        "The command between two targets: the last one, straight to it within a period, or on as the last "
-        "two went."),
-    parameter::number("stale_s", "s", "0.1", "A target that is older than this when it comes is refused.")
-        .above(0)
-        .upTo(10),
-};
 
 std::int64_t readMonotonicClock() {
     timespec now;
@@ -60,30 +64,25 @@ bool isNameOfFile(const std::string& name) {
     });
 }
 
-BetweenSamples readBetween(const std::string& word) {
-    for (const BetweenSamples between : {BetweenSamples::Interpolate, BetweenSamples::Extrapolate})
-        if (word == getName(between)) return between;
-    return BetweenSamples::Hold;
-}
-
 }  // namespace
 
 Stream::Stream(std::function<std::int64_t()> clock) : clock_(clock ? std::move(clock) : readMonotonicClock) {}
 
 void Stream::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    first_.space = parameters.text("space") == "tool" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
+    const auto options = parameters.get<StreamPluginOptions>();
+    first_.space = options.space;
     first_.tool = setup.startTool;
-    name_ = parameters.text("name");
+    name_ = options.name;
     if (!isNameOfFile(name_))
         throw badInput(parameters.place("name"), "`" + name_ + "` is no name of a socket",
                        "Write 1 to 40 letters, digits, - or _.");
-    receiver_ = CommandReceiver(readBetween(parameters.text("between")));
-    stale_ns_ = std::llround(1e9 * parameters.number("stale_s"));
+    receiver_ = CommandReceiver(options.between);
+    stale_ns_ = std::llround(1e9 * options.stale_s);
     std::string joints;
     for (const std::string& joint : setup.robot.jointNames()) joints += (joints.empty() ? "" : ", ") + quote(joint);
     description_ = "\"version\": " + std::to_string(TargetMessage::kVersion) +
-                   ", \"space\": " + quote(parameters.text("space")) +
+                   ", \"space\": " + (isTool() ? "\"tool\"" : "\"joint\"") +
                    ", \"stale_s\": " + std::to_string(1e-9 * double(stale_ns_)) + ", \"joints\": [" + joints + "]";
 }
 
@@ -172,4 +171,4 @@ void Stream::take(const TargetMessage& m) {
 
 VIABLE_PLUGIN(viable::CommandSource, viable::Stream, "stream",
               "Targets from another program of this computer, such as one in Python, over a local socket.",
-              viable::kParameters)
+              viable::StreamPluginOptions)

@@ -12,6 +12,17 @@ namespace viable {
 
 namespace {
 
+struct TeleoperationOptions {
+    MotionCommand::Space space = MotionCommand::Space::Tool;
+    Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+
+    template <class V>
+    void describe(V& v) {
+        v(space, "space", "joint|tool", "What the hand moves: the joints, by sliders, or the tool, by its pose.");
+        v(axes, "axes", "", "Rotation matrix, row by row, from the device's to the base's axes.");
+    }
+};
+
 // A hand is not faster than this; the first term is for the noise of a device and of its clock.
 constexpr double kJump_m = 0.05, kFastest_mps = 5.0;
 constexpr double kJump_rad = 0.3, kFastest_radps = 20.0;
@@ -23,17 +34,7 @@ constexpr double kLongestStep_s = 0.1;
 constexpr double kAxesTolerance = 1e-3;
 constexpr double kFarthest_m = 1e3;
 
-const ParameterSpec kParameters[] = {
-    parameter::choice("space", "tool|joint", "tool",
-                      "What the hand moves: the tool, by its pose, or the joints, by sliders."),
-    parameter::numbers("axes", "", 9, 9, "[1, 0, 0, 0, 1, 0, 0, 0, 1]",
-                       "Rotation matrix, row by row, from the device's to the base's axes."),
-};
-
-Eigen::Quaterniond readAxes(const Parameters& parameters) {
-    const std::vector<double>& rows = parameters.numbers("axes");
-    Eigen::Matrix3d axes;
-    for (int i = 0; i < 9; ++i) axes(i / 3, i % 3) = rows[static_cast<std::size_t>(i)];
+Eigen::Quaterniond checkAxes(const Eigen::Matrix3d& axes, const Parameters& parameters) {
     const double deviation = (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     if (!(deviation <= kAxesTolerance) || axes.determinant() < 0.0) {
         char message[200];
@@ -60,8 +61,9 @@ Teleoperation::Teleoperation(std::function<double()> clock)
 
 void Teleoperation::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    command_.space = parameters.text("space") == "tool" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
-    axes_ = readAxes(parameters);
+    const auto options = parameters.get<TeleoperationOptions>();
+    command_.space = options.space;
+    axes_ = checkAxes(options.axes, parameters);
     startTool_ = setup.startTool;
     if (isTool()) model_ = std::make_unique<RobotModel>(setup.robot);
     reset(setup.start);
@@ -216,4 +218,5 @@ void Teleoperation::rest() {
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::CommandSource, viable::Teleoperation, "teleoperation",
-              "An operator's hand moves the tool or the joints, through the page of viable live.", viable::kParameters)
+              "An operator's hand moves the tool or the joints, through the page of viable live.",
+              viable::TeleoperationOptions)

@@ -16,17 +16,6 @@ namespace {
 // written in decimals.
 constexpr double kTimeTolerance_s = 1e-9;
 
-const ParameterSpec kParameters[] = {
-    parameter::rows("points", "s, rad", 2, kMaxJoints + 1, nullptr,
-                    "One row per point: its time, then one position per joint; times increase, the first is 0 "
-                    "or later."),
-    parameter::choice("interpolation", "hold|linear|smooth", "smooth",
-                      "Between points: jump at the next point, run straight, or a quintic at rest at "
-                      "every point."),
-    parameter::number("repeat_s", "s", "0", "The sequence starts again after this time; 0: it runs once.").atLeast(0),
-    parameter::flag("relative_to_start", "false", "Positions are added to the arm's joint positions at the start."),
-};
-
 std::string text(double value) {
     char buffer[32];
     std::snprintf(buffer, sizeof buffer, "%.10g", value);
@@ -44,7 +33,8 @@ std::string findRowPlace(const Parameters& parameters, std::size_t i) {
 
 void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    const auto& rows = parameters.rows("points");
+    options_ = parameters.get<WaypointsOptions>();
+    const auto& rows = options_.points;
     if (rows.empty())
         throw badInput(parameters.place("points"), "there are no points",
                        "Give at least one row [time_s, position of each joint in rad]");
@@ -70,31 +60,25 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
         points_.push_back(Eigen::Map<const Eigen::VectorXd>(row.data() + 1, n_));
     }
 
-    const std::string& how = parameters.text("interpolation");
-    interpolation_ = how == "hold"     ? Interpolation::Hold
-                     : how == "linear" ? Interpolation::Linear
-                                       : Interpolation::Smooth;
-    repeat_s_ = parameters.number("repeat_s");
-    if (repeat_s_ > 0.0) {
-        if (repeat_s_ < times_.back())
-            throw badInput(
-                parameters.place("repeat_s"),
-                "repeat_s = " + text(repeat_s_) + " s ends before the last point at " + text(times_.back()) + " s",
-                "Give at least the time of the last point, or 0 to run once");
-        if (interpolation_ != Interpolation::Hold && repeat_s_ + times_.front() - times_.back() <= kTimeTolerance_s &&
-            points_.front() != points_.back())
+    if (options_.repeat_s > 0.0) {
+        if (options_.repeat_s < times_.back())
+            throw badInput(parameters.place("repeat_s"),
+                           "repeat_s = " + text(options_.repeat_s) + " s ends before the last point at " +
+                               text(times_.back()) + " s",
+                           "Give at least the time of the last point, or 0 to run once");
+        if (options_.interpolation != WaypointsOptions::Interpolation::Hold &&
+            options_.repeat_s + times_.front() - times_.back() <= kTimeTolerance_s && points_.front() != points_.back())
             throw badInput(parameters.place("repeat_s"),
                            "the next round begins where the last point is (" + text(times_.back()) +
                                " s), but first and last point differ",
                            "Let the last point equal the first, leave time between the last point "
                            "and repeat_s, or choose interpolation: hold");
     }
-    relative_ = parameters.flag("relative_to_start");
     reset(setup.start);
 }
 
 void Waypoints::reset(const MotionState& start) {
-    if (relative_)
+    if (options_.isRelative)
         offset_ = start.q;
     else
         offset_.setZero(n_);
@@ -105,8 +89,8 @@ TickStatus Waypoints::sample(double t, MotionCommand& out) {
     if (!isFinite(offset_, n_)) return TickStatus::Faulted;
     t += kTimeTolerance_s;
     bool laterRound = false;
-    if (repeat_s_ > 0.0 && t >= repeat_s_) {
-        t = std::fmod(t, repeat_s_);
+    if (options_.repeat_s > 0.0 && t >= options_.repeat_s) {
+        t = std::fmod(t, options_.repeat_s);
         laterRound = true;
     }
     out.space = MotionCommand::Space::Joint;
@@ -123,23 +107,23 @@ TickStatus Waypoints::sample(double t, MotionCommand& out) {
         length = times_[k] - begin;
     } else {
         const bool before = next == times_.begin();
-        if ((before && !laterRound) || (!before && repeat_s_ == 0.0)) {
+        if ((before && !laterRound) || (!before && options_.repeat_s == 0.0)) {
             out.q = points_[before ? 0 : times_.size() - 1] + offset_;
             return TickStatus::Ok;
         }
         i = times_.size() - 1;
         k = 0;
-        begin = before ? times_[i] - repeat_s_ : times_[i];
-        length = repeat_s_ + times_[0] - times_[i];
+        begin = before ? times_[i] - options_.repeat_s : times_[i];
+        length = options_.repeat_s + times_[0] - times_[i];
     }
 
-    if (interpolation_ == Interpolation::Hold || length <= kTimeTolerance_s) {
+    if (options_.interpolation == WaypointsOptions::Interpolation::Hold || length <= kTimeTolerance_s) {
         out.q = points_[i] + offset_;
         return TickStatus::Ok;
     }
     const double u = std::clamp((t - kTimeTolerance_s - begin) / length, 0.0, 1.0);
     MinimumJerk way{u, 1.0};
-    if (interpolation_ == Interpolation::Smooth) way = calcMinimumJerk(u);
+    if (options_.interpolation == WaypointsOptions::Interpolation::Smooth) way = calcMinimumJerk(u);
     out.q = points_[i] + way.value * (points_[k] - points_[i]) + offset_;
     out.qd = (way.slope / length) * (points_[k] - points_[i]);
     return TickStatus::Ok;
@@ -148,4 +132,4 @@ TickStatus Waypoints::sample(double t, MotionCommand& out) {
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::CommandSource, viable::Waypoints, "waypoints",
-              "Joint positions at given times: steps, straight or smooth.", viable::kParameters)
+              "Joint positions at given times: steps, straight or smooth.", viable::WaypointsOptions)

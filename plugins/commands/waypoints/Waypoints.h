@@ -6,6 +6,27 @@
 
 namespace viable {
 
+struct WaypointsOptions {
+    enum class Interpolation { Hold, Linear, Smooth };
+
+    std::vector<std::vector<double>> points;
+    Interpolation interpolation = Interpolation::Smooth;
+    double repeat_s = 0.0;
+    bool isRelative = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(points, "points", "s, rad",
+          "One row per point: its time, then one position per joint; times increase, the first is 0 or later.")
+            .count(2, kMaxJoints + 1)
+            .required();
+        v(interpolation, "interpolation", "hold|linear|smooth",
+          "Between points: jump at the next point, run straight, or a quintic at rest at every point.");
+        v(repeat_s, "repeat_s", "s", "The sequence starts again after this time; 0: it runs once.").atLeast(0);
+        v(isRelative, "relative_to_start", "Positions are added to the arm's joint positions at the start.");
+    }
+};
+
 /** Leads every joint through a list of positions at given times.
 
 Method: between two points the set-point holds (and jumps at the next point), runs straight, or runs
@@ -24,14 +45,10 @@ public:
     TickStatus sample(double t, MotionCommand& out) override;
 
 private:
-    enum class Interpolation { Hold, Linear, Smooth };
-
     int n_ = 0;
     std::vector<double> times_;  // [s]
     std::vector<JointVector> points_;
-    Interpolation interpolation_ = Interpolation::Hold;
-    double repeat_s_ = 0.0;  // 0: once
-    bool relative_ = false;
+    WaypointsOptions options_;
     JointVector offset_;  // added to every point
 };
 

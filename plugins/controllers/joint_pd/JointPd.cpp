@@ -6,20 +6,27 @@ namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::jointNumbers("stiffness", "1/s^2", "5.0", "k_p: acceleration per position error.").atLeast(0),
-    parameter::jointNumbers("damping", "1/s", "1.0", "k_d: deceleration per velocity.").atLeast(0),
-    parameter::flag("velocity_feedforward", "false",
-                    "Damp the difference to the commanded velocity instead of the velocity itself."),
+struct JointPdOptions {
+    PerJoint stiffness = 5.0, damping = 1.0;
+    bool feedforward = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(stiffness, "stiffness", "1/s^2", "k_p: acceleration per position error.").atLeast(0);
+        v(damping, "damping", "1/s", "k_d: deceleration per velocity.").atLeast(0);
+        v(feedforward, "velocity_feedforward",
+          "Damp the difference to the commanded velocity instead of the velocity itself.");
+    }
 };
 
 }  // namespace
 
 void JointPd::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    stiffness_ = parameters.jointNumbers("stiffness");
-    damping_ = parameters.jointNumbers("damping");
-    feedforward_ = parameters.flag("velocity_feedforward") ? 1.0 : 0.0;
+    const auto options = parameters.get<JointPdOptions>();
+    stiffness_ = options.stiffness.expand(n_);
+    damping_ = options.damping.expand(n_);
+    feedforward_ = options.feedforward ? 1.0 : 0.0;
 }
 
 void JointPd::reset(const MotionState&) {}
@@ -38,4 +45,4 @@ TickStatus JointPd::compute(const ControllerInput& input, ControllerOutput& outp
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::NominalController, viable::JointPd, "joint_pd",
-              "Joint-space PD with inverse dynamics (the paper's simulations).", viable::kParameters)
+              "Joint-space PD with inverse dynamics (the paper's simulations).", viable::JointPdOptions)

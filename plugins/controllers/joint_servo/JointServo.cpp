@@ -6,15 +6,22 @@ namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::flag("velocity_feedforward", "true",
-                    "Follow the commanded velocity, and the acceleration that it changes by, instead of stopping at "
-                    "each set-point."),
-    parameter::number("share", "", "1.0",
-                      "Share of acceleration and jerk limits for the motion relative to the set-point; the rest is for "
-                      "the set-point's own. 1 suits set-points that jump and rest.")
-        .above(0)
-        .upTo(1),
+struct JointServoOptions {
+    bool feedforward = true;
+    double share = 1.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(feedforward, "velocity_feedforward",
+          "Follow the commanded velocity, and the acceleration that it changes by, instead of stopping at each "
+          "set-point.");
+        v(share, "share", "",
+          "Share of acceleration and jerk limits for the motion relative to the set-point; the rest is for the "
+          "set-point's "
+          "own. 1 suits set-points that jump and rest.")
+            .above(0)
+            .upTo(1);
+    }
 };
 
 }  // namespace
@@ -23,9 +30,10 @@ void JointServo::configure(const RunSetup& setup, const Parameters& parameters) 
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     limits_ = setup.limits;
-    feedforward_ = parameters.flag("velocity_feedforward");
+    const auto options = parameters.get<JointServoOptions>();
+    feedforward_ = options.feedforward;
     requireJerkLimits(limits_, parameters.resolved().place(), "the controller joint_servo");
-    servo_.configure(limits_, tick_s_, parameters.number("share"));
+    servo_.configure(limits_, tick_s_, options.share);
     reset(setup.start);
 }
 
@@ -70,4 +78,4 @@ TickStatus JointServo::compute(const ControllerInput& input, ControllerOutput& o
 
 VIABLE_PLUGIN(viable::NominalController, viable::JointServo, "joint_servo",
               "Leads each joint to its set-point as fast as the limits allow, without overshoot and gains.",
-              viable::kParameters)
+              viable::JointServoOptions)

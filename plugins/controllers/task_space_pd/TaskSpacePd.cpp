@@ -12,31 +12,6 @@ namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::number("natural_frequency_radps", "rad/s", "10",
-                      "How fast the tool answers in every direction, shaped with its inertia; where stiffness is auto.")
-        .above(0)
-        .upTo(1e4),
-    parameter::number("damping_ratio", "", "2.0",
-                      "1: critical; more stands a jerk limit better, which is a lag; where stiffness is auto.")
-        .atLeast(0)
-        .upTo(100),
-    parameter::numbers("stiffness", "N/m, Nm/rad", 6, 6, "auto",
-                       "K: three linear, three angular entries, base frame axes; auto: from the two above.")
-        .atLeast(0)
-        .orAuto(),
-    parameter::numbers("damping", "Ns/m, Nms/rad", 6, 6, "auto",
-                       "D: three linear, three angular entries, base frame axes; auto: likewise.")
-        .atLeast(0)
-        .orAuto(),
-    parameter::flag("gravity_compensation", "true", "Add the arm's gravity torque."),
-    parameter::number("singular_threshold", "", "0.01",
-                      "w0: manipulability sqrt(det J J^T) below which joint damping is added; 0 never.")
-        .atLeast(0),
-    parameter::number("singular_damping", "1/s", "20.0", "c: rate of that damping at the singular pose itself.")
-        .atLeast(0),
-};
-
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 /** Of the (geometric) mean mobility of translations, and of rotations: in directions in which the tool can hardly be moved it is taken
@@ -61,22 +36,14 @@ double calcManipulability(const ToolJacobian& J) {
 
 void TaskSpacePd::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    const std::vector<double>&stiffness = parameters.numbers("stiffness"), &damping = parameters.numbers("damping");
-    if (stiffness.empty() != damping.empty())
-        throw badInput(parameters.place(stiffness.empty() ? "damping" : "stiffness"),
+    options_ = parameters.get<TaskSpacePdOptions>();
+    isShaped_ = !options_.stiffness;
+    if (isShaped_ == options_.damping.has_value())
+        throw badInput(parameters.place(isShaped_ ? "damping" : "stiffness"),
                        "stiffness and damping belong together, and one of them is auto",
                        "Give both, or neither and natural_frequency_radps and damping_ratio.");
-    isShaped_ = stiffness.empty();
-    if (isShaped_) {
-        frequency_ = parameters.number("natural_frequency_radps");
-        dampingRate_ = 2.0 * parameters.number("damping_ratio") * frequency_;
-    } else {
-        stiffness_ = Eigen::Map<const Vector6>(stiffness.data());
-        damping_ = Eigen::Map<const Vector6>(damping.data());
-    }
-    gravityShare_ = parameters.flag("gravity_compensation") ? 1.0 : 0.0;
-    singularThreshold_ = parameters.number("singular_threshold");
-    singularDamping_ = parameters.number("singular_damping");
+    dampingRate_ = 2.0 * options_.dampingRatio * options_.frequency;
+    gravityShare_ = options_.carriesGravity ? 1.0 : 0.0;
 }
 
 void TaskSpacePd::reset(const MotionState&) {
@@ -112,7 +79,7 @@ bool TaskSpacePd::shape(const Dynamics& dynamics, const JointVector& qd, const V
         mobility.diagonal().segment<3>(block).array() += kLeastMobility * mean + kNoMobility;
     }
     const Eigen::LLT<Matrix6> tool(mobility);
-    Vector6 force = frequency_ * frequency_ * error + dampingRate_ * errorRate;
+    Vector6 force = options_.frequency * options_.frequency * error + dampingRate_ * errorRate;
     tool.solveInPlace(force);
     Vector6 momentum = twist;
     tool.solveInPlace(momentum);
@@ -142,13 +109,14 @@ TickStatus TaskSpacePd::compute(const ControllerInput& input, ControllerOutput& 
         if (!shape(dynamics, nominal.qd, error, command.toolTwist - twist, twist, torque)) return TickStatus::Faulted;
         return TickStatus::Ok;
     }
-    const Vector6 wrench = stiffness_.cwiseProduct(error) + damping_.cwiseProduct(command.toolTwist - twist);
+    const Vector6 wrench =
+        options_.stiffness->cwiseProduct(error) + options_.damping->cwiseProduct(command.toolTwist - twist);
     torque = gravityShare_ * dynamics.gravity;
     torque.noalias() += dynamics.J.transpose().lazyProduct(wrench);
-    if (singularThreshold_ > 0.0) {
-        const double distance = 1.0 - calcManipulability(dynamics.J) / singularThreshold_;
+    if (options_.singularThreshold > 0.0) {
+        const double distance = 1.0 - calcManipulability(dynamics.J) / options_.singularThreshold;
         if (distance > 0.0)
-            torque -= singularDamping_ * distance * distance * dynamics.M.diagonal().cwiseProduct(nominal.qd);
+            torque -= options_.singularDamping * distance * distance * dynamics.M.diagonal().cwiseProduct(nominal.qd);
     }
     return TickStatus::Ok;
 }
@@ -156,4 +124,4 @@ TickStatus TaskSpacePd::compute(const ControllerInput& input, ControllerOutput& 
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::NominalController, viable::TaskSpacePd, "task_space_pd",
-              "Task-space spring and damper at the tool (the paper's teleoperation).", viable::kParameters)
+              "Task-space spring and damper at the tool (the paper's teleoperation).", viable::TaskSpacePdOptions)

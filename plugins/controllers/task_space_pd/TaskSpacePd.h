@@ -1,8 +1,43 @@
 #pragma once
 
+#include <optional>
+
 #include "viable/plugin/NominalController.h"
 
 namespace viable {
+
+struct TaskSpacePdOptions {
+    double frequency = 10.0, dampingRatio = 2.0;
+    std::optional<Vector6> stiffness, damping;
+    bool carriesGravity = true;
+    double singularThreshold = 0.01, singularDamping = 20.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(frequency, "natural_frequency_radps", "rad/s",
+          "How fast the tool answers in every direction, shaped with its inertia; where stiffness is auto.")
+            .above(0)
+            .upTo(1e4);
+        v(dampingRatio, "damping_ratio", "",
+          "1: critical; more stands a jerk limit better, which is a lag; where stiffness is auto.")
+            .atLeast(0)
+            .upTo(100);
+        v(stiffness, "stiffness", "N/m, Nm/rad",
+          "K: three linear, three angular entries, base frame axes; auto: from the two above.")
+            .atLeast(0)
+            .orAuto();
+        v(damping, "damping", "Ns/m, Nms/rad",
+          "D: three linear, three angular entries, base frame axes; auto: likewise.")
+            .atLeast(0)
+            .orAuto();
+        v(carriesGravity, "gravity_compensation", "Add the arm's gravity torque.");
+        v(singularThreshold, "singular_threshold", "",
+          "w0: manipulability sqrt(det J J^T) below which joint damping is added; 0 never.")
+            .atLeast(0);
+        v(singularDamping, "singular_damping", "1/s", "c: rate of that damping at the singular pose itself.")
+            .atLeast(0);
+    }
+};
 
 /** Pulls the tool towards the commanded pose like a spring and damper in task space.
 
@@ -33,11 +68,9 @@ private:
 
     int n_ = 0;
     bool isShaped_ = false;
-    double frequency_ = 0.0, dampingRate_ = 0.0;  // [rad/s, 1/s], where shaped
-    Vector6 stiffness_, damping_;
+    TaskSpacePdOptions options_;
+    double dampingRate_ = 0.0;  // [1/s], where shaped
     double gravityShare_ = 1.0;
-    double singularThreshold_ = 0.0;
-    double singularDamping_ = 0.0;
     Eigen::Quaterniond lastError_ = Eigen::Quaterniond::Identity();
 };
 

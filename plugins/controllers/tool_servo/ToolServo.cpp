@@ -7,36 +7,24 @@ namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::number("share", "", "1.0",
-                      "Share of acceleration and jerk limits for the motion relative to the reference; the rest is for "
-                      "the reference's own.")
-        .above(0)
-        .upTo(1),
-    parameter::number("velocity_filter_s", "s", "0",
-                      "Time constant in which the reference's velocity is smoothed before it is followed; infinite: "
-                      "the reference counts as resting; 0: from each joint's limits, as far as it could follow.")
-        .atLeast(0)
-        .orInfinite(),
-    parameter::number("rotation_length_m", "m", "0",
-                      "An error of 1 rad counts as one of so many metres; 0: the mean lever arm of the joints at the "
-                      "start.")
-        .atLeast(0),
-    parameter::number(
-        "rest_rate", "1/s", "0.5",
-        "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, "
-        "to where they started, once the tool is where it is commanded; behind a hand that moves they wait.")
-        .atLeast(0),
-    parameter::flag(
-        "keeps_clear", "true",
-        "Do not lead the arm nearer to obstacles of the experiment, or to itself, than whole_arm_braking would; "
-        "false: it knows nothing of them."),
-    parameter::number("apart_m", "m", "0.1",
-                      "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is "
-                      "nearer than this; 0, or with keeps_clear: false: they do not.")
-        .atLeast(0),
-    parameter::flag("relative", "false",
-                    "Follow the command's motion from where the tool is at the start (a clutch), not its pose."),
+struct ToolServoOptions {
+    ToolFollowerOptions follower;
+    double rotationLength_m = 0.0;
+    bool keepsClear = true, isRelative = false;
+
+    template <class V>
+    void describe(V& v) {
+        follower.describe(v);
+        v(rotationLength_m, "rotation_length_m", "m",
+          "An error of 1 rad counts as one of so many metres; 0: the mean lever arm of the joints at the start.")
+            .atLeast(0);
+        v(keepsClear, "keeps_clear",
+          "Do not lead the arm nearer to obstacles of the experiment, or to itself, than whole_arm_braking would; "
+          "false: it "
+          "knows nothing of them.");
+        v(isRelative, "relative",
+          "Follow the command's motion from where the tool is at the start (a clutch), not its pose.");
+    }
 };
 
 }  // namespace
@@ -44,24 +32,19 @@ const ParameterSpec kParameters[] = {
 void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     requireJerkLimits(setup.limits, parameters.resolved().place(), "the controller tool_servo");
-    isRelative_ = parameters.flag("relative");
-
-    ToolFollowerOptions options;
-    options.share = parameters.number("share");
-    options.velocityFilter_s = parameters.number("velocity_filter_s");
-    options.reference.rotationLength_m = parameters.number("rotation_length_m");
-    if (options.reference.rotationLength_m == 0.0) {
+    auto options = parameters.get<ToolServoOptions>();
+    isRelative_ = options.isRelative;
+    options.follower.reference.rotationLength_m = options.rotationLength_m;
+    if (options.rotationLength_m == 0.0) {
         RobotModel model(setup.robot);
         Dynamics dynamics;
         model.calcDynamics(setup.start.q, JointVector::Zero(n_), dynamics);
-        options.reference.rotationLength_m = calcLeverArm(dynamics.J);
+        options.follower.reference.rotationLength_m = calcLeverArm(dynamics.J);
     }
-    options.reference.restRate = parameters.number("rest_rate");
-    options.reference.apart_m = parameters.number("apart_m");
     surroundings_ = setup.surroundings;
     startTool_ = setup.startTool;
-    follower_.configure(setup.robot, setup.limits, setup.tick_s, setup.start, options,
-                        parameters.flag("keeps_clear") ? setup.geometry : nullptr);
+    follower_.configure(setup.robot, setup.limits, setup.tick_s, setup.start, options.follower,
+                        options.keepsClear ? setup.geometry : nullptr);
     reset(setup.start);
 }
 
@@ -97,4 +80,4 @@ TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& ou
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::NominalController, viable::ToolServo, "tool_servo",
-              "Leads the tool to its commanded pose as fast as the joints' limits allow.", viable::kParameters)
+              "Leads the tool to its commanded pose as fast as the joints' limits allow.", viable::ToolServoOptions)

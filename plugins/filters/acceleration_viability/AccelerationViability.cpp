@@ -7,21 +7,10 @@
 
 namespace viable {
 
-namespace {
-
-const ParameterSpec kParameters[] = {
-    parameter::number("k_alpha", "1/s", "5.0",
-                      "Slope of alpha: how fast the position limit may be approached; "
-                      "k_alpha * tick_s must not exceed 1.")
-        .above(0),
-};
-
-}  // namespace
-
 void AccelerationViability::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    kAlpha_ = parameters.number("k_alpha");
+    kAlpha_ = parameters.get<AccelerationViabilityOptions>().kAlpha;
     limits_ = setup.limits;
     if (kAlpha_ * tick_s_ > 1.0)
         throw badInput(parameters.place("k_alpha"),
@@ -88,4 +77,4 @@ FilterStatus AccelerationViability::filter(const FilterInput& input, FilterDecis
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::AccelerationViability, "acceleration_viability",
               "Keeps position, velocity and acceleration limits, not jerk (the paper's C1 and S2).",
-              viable::kParameters)
+              viable::AccelerationViabilityOptions)

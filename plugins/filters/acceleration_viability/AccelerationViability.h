@@ -4,6 +4,17 @@
 
 namespace viable {
 
+struct AccelerationViabilityOptions {
+    double kAlpha = 5.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(kAlpha, "k_alpha", "1/s",
+          "Slope of alpha: how fast the position limit may be approached; k_alpha * tick_s must not exceed 1.")
+            .above(0);
+    }
+};
+
 /** Keeps position, velocity and acceleration limits, and lets the jerk be what it may (C1 and S2 of
 the paper).
 

@@ -4,6 +4,22 @@
 
 namespace viable {
 
+struct ExponentialCbfOptions {
+    double kAlpha = 5.0;
+    JerkIntervalOptions following;
+    bool brakes = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(kAlpha, "k_alpha", "1/s", "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
+            .above(0);
+        following.describe(v);
+        v(brakes, "on_infeasible", "stop|brake",
+          "At the first tick without an admissible jerk: end the run there, or brake in each such tick, count it and "
+          "go on.");
+    }
+};
+
 /** Tries to keep position, velocity, acceleration and jerk limits by exponential control barrier functions,
 each limit by itself (S3 of the paper).
 
@@ -30,9 +46,8 @@ public:
 private:
     Rows calcRows(const AxisState& state, const AxisLimits& limits) const override;
 
-    double kAlpha_ = 0.0;
-    bool stops_ = true;      // at the first tick without a solution
-    bool hasEnded_ = false;  // that tick has been
+    ExponentialCbfOptions options_;
+    bool hasEnded_ = false;  // the first tick without a solution has been
 };
 
 }  // namespace viable

@@ -56,4 +56,5 @@ FilterStatus JerkLimitedRate::filter(const FilterInput& input, FilterDecision& d
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::JerkLimitedRate, "jerk_limited_rate",
-              "The velocity rate limiter of robot vendors: velocity, acceleration and jerk, no position.", nullptr)
+              "The velocity rate limiter of robot vendors: velocity, acceleration and jerk, no position.",
+              viable::NoOptions)

@@ -22,4 +22,4 @@ FilterStatus PassThrough::filter(const FilterInput& input, FilterDecision& decis
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::PassThrough, "pass_through",
-              "Does not change the desired torque: no limit is kept.", nullptr)
+              "Does not change the desired torque: no limit is kept.", viable::NoOptions)

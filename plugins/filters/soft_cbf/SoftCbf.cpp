@@ -9,19 +9,6 @@ namespace viable {
 
 namespace {
 
-const ParameterSpec kParameters[] = {
-    parameter::number("k_alpha", "1/s", "5.0",
-                      "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
-        .above(0),
-    parameter::number("gamma", "1/s", "20.0",
-                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
-        .above(0),
-    parameter::number("weight", "", "1000",
-                      "w: how many times more missing a row costs than missing the desired jerk as far.")
-        .above(0)
-        .upTo(1e6),
-};
-
 /** A Newton step this small, relative to the distance from the target, is rounding. */
 constexpr double kRounding = 1e-12;
 /** Halvings of the line search; each doubles the accuracy of a step that need not be exact. */
@@ -32,8 +19,8 @@ constexpr std::size_t kRows = ExponentialBarrierRows::kRows;
 }  // namespace
 
 void SoftCbf::configure(const RunSetup& setup, const Parameters& parameters) {
-    kAlpha_ = readKAlpha(setup, parameters);
-    weight_ = parameters.number("weight");
+    options_ = parameters.get<SoftCbfOptions>();
+    checkKAlpha(options_.kAlpha, setup, parameters);
     JerkIntervalFilter::configure(setup, parameters);
 }
 
@@ -46,7 +33,7 @@ void SoftCbf::reset(const MotionState& start) {
 /** The rows without their slacks: only whether they have a solution matters. */
 JerkIntervalFilter::Rows SoftCbf::calcRows(const AxisState& s, const AxisLimits& l) const {
     JointInterval jerk{l.jerkLower, l.jerkUpper, LimitKind::Jerk, LimitKind::Jerk};
-    const ExponentialBarrierRows rows = calcExponentialBarrierRows(s, l, kAlpha_);
+    const ExponentialBarrierRows rows = calcExponentialBarrierRows(s, l, options_.kAlpha);
     for (std::size_t r = 0; r < kRows; ++r) {
         jerk.restrictLower(rows.lower[r], ExponentialBarrierRows::kLimits[r]);
         jerk.restrictUpper(rows.upper[r], ExponentialBarrierRows::kLimits[r]);
@@ -84,7 +71,7 @@ bool SoftCbf::minimisePiece(const JointMatrix& M, const JointVector& at) {
     bool any = false;
     for (int i = 0; i < n; ++i) {
         const Violated violated = findViolated(i, at[i]);
-        const double price = weight_ * size_[i] * size_[i];
+        const double price = options_.weight * size_[i] * size_[i];
         normal_(i, i) += price * violated.count;
         pieceTarget_[i] = price * (violated.bounds - violated.count * target_[i]);
         any |= violated.count > 0;
@@ -119,7 +106,7 @@ void SoftCbf::searchLine(const JointMatrix& M, JointVector& jerk) {
         for (int i = 0; i < n; ++i) {
             const double x = jerk[i] + share * step_[i];
             const Violated violated = findViolated(i, x);
-            sum += weight_ * size_[i] * size_[i] * (violated.count * x - violated.bounds) * step_[i];
+            sum += options_.weight * size_[i] * size_[i] * (violated.count * x - violated.bounds) * step_[i];
         }
         return sum;
     };
@@ -178,7 +165,7 @@ FilterStatus SoftCbf::chooseJerk(const MotionState& nominal, const Dynamics& dyn
     for (int i = 0; i < n; ++i) {
         const AxisState state{nominal.q[i], nominal.qd[i], nominal.qdd[i]};
         const AxisLimits axis = limits().axis(i);
-        rows_[static_cast<std::size_t>(i)] = calcExponentialBarrierRows(state, axis, kAlpha_);
+        rows_[static_cast<std::size_t>(i)] = calcExponentialBarrierRows(state, axis, options_.kAlpha);
         infeasible |= calcRows(state, axis).empty;
     }
     target_ = desired.cwiseMax(limits().jerk.lower).cwiseMin(limits().jerk.upper);
@@ -193,4 +180,4 @@ FilterStatus SoftCbf::chooseJerk(const MotionState& nominal, const Dynamics& dyn
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::SoftCbf, "soft_cbf",
               "Exponential control barrier functions with a slack on every row: always a jerk, no row exact.",
-              viable::kParameters)
+              viable::SoftCbfOptions)

@@ -6,6 +6,22 @@
 
 namespace viable {
 
+struct SoftCbfOptions {
+    double kAlpha = 5.0;
+    JerkIntervalOptions following;
+    double weight = 1000.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(kAlpha, "k_alpha", "1/s", "Every pole of every barrier lies at -k_alpha; k_alpha * tick_s must not exceed 1.")
+            .above(0);
+        following.describe(v);
+        v(weight, "weight", "", "w: how many times more missing a row costs than missing the desired jerk as far.")
+            .above(0)
+            .upTo(1e6);
+    }
+};
+
 /** The exponential control barrier functions of exponential_cbf with a slack variable on every row, so that
 there is always an answer.
 
@@ -50,8 +66,7 @@ private:
     void minimise(const JointMatrix& M, JointVector& jerk);
     JointIntervention findIntervention(int joint, double desired, double jerk) const;
 
-    double kAlpha_ = 0.0;
-    double weight_ = 0.0;
+    SoftCbfOptions options_;
     std::array<ExponentialBarrierRows, kMaxJoints> rows_{};
     BoxQp qp_;
     int rounds_ = 0;

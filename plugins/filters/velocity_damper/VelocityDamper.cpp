@@ -9,43 +9,22 @@
 
 namespace viable {
 
-namespace {
-
-const ParameterSpec kParameters[] = {
-    parameter::number("xi", "rad/s", "1.0",
-                      "Largest velocity towards a limit at the influence distance; xi * tick_s at most "
-                      "influence_rad - safety_rad.")
-        .above(0),
-    parameter::number("influence_rad", "rad", "0.2", "d_i: distance from a limit where damping begins.").above(0),
-    parameter::number("safety_rad", "rad", "0.02",
-                      "d_s: distance from a limit where no velocity towards it is left; at most half "
-                      "of the range.")
-        .atLeast(0),
-    parameter::number("gamma", "1/s", "20.0",
-                      "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
-        .above(0),
-};
-
-}  // namespace
-
 void VelocityDamper::configure(const RunSetup& setup, const Parameters& parameters) {
-    xi_ = parameters.number("xi");
-    influence_rad_ = parameters.number("influence_rad");
-    safety_rad_ = parameters.number("safety_rad");
-    const double width = influence_rad_ - safety_rad_;
+    options_ = parameters.get<VelocityDamperOptions>();
+    const double width = options_.influence_rad - options_.safety_rad;
     if (!(width > 0.0))
         throw badInput(parameters.place("influence_rad"),
-                       "influence_rad = " + std::to_string(influence_rad_) +
-                           " is not larger than safety_rad = " + std::to_string(safety_rad_),
+                       "influence_rad = " + std::to_string(options_.influence_rad) +
+                           " is not larger than safety_rad = " + std::to_string(options_.safety_rad),
                        "Choose influence_rad above safety_rad.");
-    if (xi_ * setup.tick_s > width)
+    if (options_.xi * setup.tick_s > width)
         throw badInput(parameters.place("xi"),
-                       "xi * tick_s is " + std::to_string(xi_ * setup.tick_s) +
+                       "xi * tick_s is " + std::to_string(options_.xi * setup.tick_s) +
                            " rad, allowed (0, influence_rad - safety_rad = " + std::to_string(width) + "]",
                        "The sampled law overshoots beyond that; choose a smaller xi or a wider zone.");
     for (int i = 0; i < setup.size(); ++i) {
         const AxisLimits axis = setup.limits.axis(i);
-        if (axis.positionUpper - axis.positionLower < 2.0 * safety_rad_)
+        if (axis.positionUpper - axis.positionLower < 2.0 * options_.safety_rad)
             throw badInput(parameters.place("safety_rad"),
                            "the safety distances of " + setup.robot.joints[static_cast<std::size_t>(i)].name +
                                " leave no room: its range is " +
@@ -57,8 +36,8 @@ void VelocityDamper::configure(const RunSetup& setup, const Parameters& paramete
 
 /** The largest velocity towards a limit at this distance from it; infinite where it is not damped. */
 double VelocityDamper::calcDampedVelocity(double toLimit) const {
-    if (toLimit >= influence_rad_) return kInfinity;
-    return xi_ * (toLimit - safety_rad_) / (influence_rad_ - safety_rad_);
+    if (toLimit >= options_.influence_rad) return kInfinity;
+    return options_.xi * (toLimit - options_.safety_rad) / (options_.influence_rad - options_.safety_rad);
 }
 
 JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const AxisLimits& l) const {
@@ -84,4 +63,4 @@ JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const Axis
 VIABLE_PLUGIN(viable::SafetyFilter, viable::VelocityDamper, "velocity_damper",
               "Velocity dampers near position limits (Faverjon and Tournassoud), the other limits "
               "for one tick.",
-              viable::kParameters)
+              viable::VelocityDamperOptions)

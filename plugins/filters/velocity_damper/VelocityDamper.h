@@ -4,6 +4,23 @@
 
 namespace viable {
 
+struct VelocityDamperOptions {
+    double xi = 1.0, influence_rad = 0.2, safety_rad = 0.02;
+    JerkIntervalOptions following;
+
+    template <class V>
+    void describe(V& v) {
+        v(xi, "xi", "rad/s",
+          "Largest velocity towards a limit at the influence distance; xi * tick_s at most influence_rad - safety_rad.")
+            .above(0);
+        v(influence_rad, "influence_rad", "rad", "d_i: distance from a limit where damping begins.").above(0);
+        v(safety_rad, "safety_rad", "rad",
+          "d_s: distance from a limit where no velocity towards it is left; at most half of the range.")
+            .atLeast(0);
+        following.describe(v);
+    }
+};
+
 /** Slows each joint down in proportion to its distance from a position limit: the velocity damper of Faverjon
 and Tournassoud (1987), and velocity, acceleration and jerk limits for the one tick to come.
 
@@ -30,9 +47,7 @@ private:
     Rows calcRows(const AxisState& state, const AxisLimits& limits) const override;
     double calcDampedVelocity(double toLimit) const;
 
-    double xi_ = 0.0;             // [rad/s]
-    double influence_rad_ = 0.0;  // d_i
-    double safety_rad_ = 0.0;     // d_s
+    VelocityDamperOptions options_;
 };
 
 }  // namespace viable

@@ -6,8 +6,13 @@ namespace viable {
 
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    parameter::choice("held", "jerk|acceleration", "jerk", "What the filter's decisions hold over a tick."),
+struct IdealPlantOptions {
+    HeldQuantity held = HeldQuantity::Jerk;
+
+    template <class V>
+    void describe(V& v) {
+        v(held, "held", "jerk|acceleration", "What the filter's decisions hold over a tick.");
+    }
 };
 
 }  // namespace
@@ -16,7 +21,7 @@ void IdealPlant::configure(const RunSetup& setup, const Parameters& parameters) 
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     model_ = std::make_unique<RobotModel>(setup.robot);
-    decision_.held = parameters.text("held") == "jerk" ? HeldQuantity::Jerk : HeldQuantity::Acceleration;
+    decision_.held = parameters.get<IdealPlantOptions>().held;
     external_.setZero(n_);
     reset(setup.start);
 }
@@ -44,4 +49,4 @@ TickStatus IdealPlant::advance(const JointVector& torque, JointVector& applied) 
 
 VIABLE_PLUGIN(viable::RealPlant, viable::IdealPlant, "ideal",
               "The nominal arm in the place of the real one: no friction, no error, nothing to correct.",
-              viable::kParameters)
+              viable::IdealPlantOptions)

@@ -13,56 +13,6 @@ namespace viable {
 
 namespace {
 
-constexpr ParameterSpec kParameters[] = {
-    parameter::text("address", nullptr,
-                    "Of the robot: numeric, as 127.0.0.1:47100 or \"[::1]:47100\" (UDP), or shm:NAME (shared memory of "
-                    "the same computer)."),
-    parameter::file(
-        "key_file", "",
-        "32 hexadecimal digits that the robot knows, too; packets of others are then dropped. None, or an empty name: "
-        "whoever reaches the robot can command it."),
-    parameter::flag("adds_gravity", "false",
-                    "The robot adds the torque that holds the arm against gravity: it is sent the rest, and measures "
-                    "so."),
-    parameter::flag("adds_friction", "false",
-                    "The robot makes up for its own friction; give it none in its actuation.yaml, then."),
-    parameter::flag("external_torque", "false",
-                    "The torque of the surroundings, as the robot measures it, is passed on."),
-    parameter::integer("repeat_ticks", "5",
-                       "Ticks for which the robot may repeat a torque when the next one is missing.")
-        .atLeast(0)
-        .upTo(1000),
-    parameter::integer("delay_ticks", "1",
-                       "Ticks from a state to the first one in which the torque that answers it acts.")
-        .atLeast(0)
-        .upTo(20),
-    parameter::jointNumbers("motor_rate_Nmps", "Nm/s", ".inf", "Fastest change of torque that the robot accepts.")
-        .above(0)
-        .orInfinite(),
-    parameter::number("blend_s", "s", "0.5",
-                      "The first torque is what the robot has held its arm with; by what that differs from the model's "
-                      "fades in this time.")
-        .above(0)
-        .upTo(30),
-    parameter::number("connect_timeout_s", "s", "5.0", "How long the robot is called before a run is refused.")
-        .above(0)
-        .upTo(30),
-    parameter::number("silence_timeout_s", "s", "0.2",
-                      "A robot that sends nothing for so long is gone, and the run ends.")
-        .above(0)
-        .upTo(30),
-    parameter::jointNumbers("start_tolerance_rad", "rad", "0.02",
-                            "How far from the start of the file the robot may stand.")
-        .above(0)
-        .orInfinite(),
-    parameter::number("rest_velocity_radps", "rad/s", "0.02", "Joints that are slower in the mean rest.").above(0),
-    parameter::number("rest_torque_share", "", "0.5",
-                      "The measured torque of the resting arm may differ from the model's by this share of the largest "
-                      "gravity torque, and by 1.5 times the Coulomb friction; .inf: it is not looked at.")
-        .above(0)
-        .orInfinite(),
-};
-
 /** States over which velocities and torques of the resting arm are averaged. */
 constexpr int kRestStates = 20;
 constexpr std::int64_t kCallAgain_ns = 10'000'000;
@@ -154,38 +104,27 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     robot_ = &setup.robot;
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    address_ = parameters.text("address");
+    options_ = parameters.get<LinkPlantOptions>();
     place_ = parameters.place("address");
-    if (address_.rfind("shm:", 0) != 0) {
+    if (options_.address.rfind("shm:", 0) != 0) {
         sockaddr_storage address;
         socklen_t size = 0;
-        if (vl_parse_address(address_.c_str(), &address, &size) != 0)
-            throw badInput(place_, "'" + address_ + "' is no address of a robot",
+        if (vl_parse_address(options_.address.c_str(), &address, &size) != 0)
+            throw badInput(place_, "'" + options_.address + "' is no address of a robot",
                            "Write numbers, as 127.0.0.1:47100 or \"[::1]:47100\", or shm:NAME for shared memory.");
     }
-    key_ = readKey(parameters.file("key_file").string(), parameters.place("key_file"));
-    addsGravity_ = parameters.flag("adds_gravity");
-    addsFriction_ = parameters.flag("adds_friction");
-    measuresExternal_ = parameters.flag("external_torque");
-    repeats_ = static_cast<int>(parameters.integer("repeat_ticks"));
-    delayTicks_ = static_cast<int>(parameters.integer("delay_ticks"));
-    startTolerance_ = parameters.jointNumbers("start_tolerance_rad");
-    blend_s_ = parameters.number("blend_s");
-    connectTimeout_s_ = parameters.number("connect_timeout_s");
-    silenceTimeout_s_ = parameters.number("silence_timeout_s");
-    restVelocity_ = parameters.number("rest_velocity_radps");
-    torqueShare_ = parameters.number("rest_torque_share");
+    key_ = readKey(options_.keyFile.string(), parameters.place("key_file"));
 
     const JointFriction& friction = setup.robot.actuation.friction;
-    if (addsFriction_ && (friction.coulomb.maxCoeff() > 0.0 || friction.viscous.maxCoeff() > 0.0))
+    if (options_.addsFriction && (friction.coulomb.maxCoeff() > 0.0 || friction.viscous.maxCoeff() > 0.0))
         throw badInput(parameters.place("adds_friction"),
                        "the robot makes up for its friction, but the actuation.yaml of " + setup.robot.name +
                            " has friction, which the robust loop would make up for again",
                        "Write coulomb_Nm: 0 and viscous_Nm: 0 there, and a torque_limit_Nm that is smaller by them; or "
                        "switch it off in the robot and write adds_friction: false.");
     TorqueConvention convention;
-    convention.addsGravity = addsGravity_;
-    motorRate_ = parameters.jointNumbers("motor_rate_Nmps");
+    convention.addsGravity = options_.addsGravity;
+    motorRate_ = options_.motorRate.expand(n_);
     convention.torqueRate = PerJoint(motorRate_);
     sender_ = std::make_unique<TorqueSender>(setup.robot, convention, tick_s_);
     if (motorRate_.array().isInf().all()) motorRate_.resize(0);
@@ -194,7 +133,7 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
 }
 
 void LinkPlant::refuse(const std::string& what, const std::string& remedy) const {
-    throw badInput(place_, "the robot at " + address_ + " " + what, remedy);
+    throw badInput(place_, "the robot at " + options_.address + " " + what, remedy);
 }
 
 const char* LinkPlant::writePackets() noexcept {
@@ -239,7 +178,7 @@ void LinkPlant::refuseSilence() const {
             "noisy.");
     if (counts[VL_GOOD] > 0)
         refuse("sends states but takes no commands", "See what its driver says of the packets that it drops.");
-    refuse("does not answer (tried for " + formatShort(connectTimeout_s_) + " s)",
+    refuse("does not answer (tried for " + formatShort(options_.connectTimeout_s) + " s)",
            "See that `viable robot` or the robot's driver runs and listens there (`viable robot` without --listen: at "
            "127.0.0.1:47100), with the same version, key and number of joints, and that no other host has it.");
 }
@@ -247,7 +186,7 @@ void LinkPlant::refuseSilence() const {
 /** A robot with shared memory may not be there yet. */
 void LinkPlant::open(std::int64_t end_ns) {
     char error[256];
-    while (vl_line_open(&line_, address_.c_str(), 0, error, sizeof error) != 0) {
+    while (vl_line_open(&line_, options_.address.c_str(), 0, error, sizeof error) != 0) {
         if (vl_now_ns() >= end_ns)
             refuse("cannot be called: " + std::string(error),
                    std::string(error).rfind("another host", 0) == 0
@@ -271,7 +210,7 @@ void LinkPlant::disconnect() noexcept {
 
 void LinkPlant::send(vl_mode mode, const double* torque) {
     std::uint8_t packet[VL_MAX_PACKET];
-    const std::size_t size = vl_host_command(&host_, mode, torque, repeats_, packet);
+    const std::size_t size = vl_host_command(&host_, mode, torque, options_.repeats, packet);
     answered_[host_.sent % answered_.size()] = host_.last_sequence;
     if (size > 0) vl_line_send(&line_, packet, size);  // what the system does not take is lost, as on any line
 }
@@ -330,7 +269,7 @@ void LinkPlant::awaitRest(std::int64_t end_ns) {
         if (++states < kRestStates) continue;
         restVelocities_ = velocities;
         restTorques_ = torques;
-        if (velocities.lpNorm<Eigen::Infinity>() <= restVelocity_ && clock_.isGood())
+        if (velocities.lpNorm<Eigen::Infinity>() <= options_.restVelocity && clock_.isGood())
             return checkDelay(delays, std::min(delayCount, delays.size()));
         if (vl_now_ns() >= end_ns) refuseSilence();
         states = 0;
@@ -348,11 +287,11 @@ const char* LinkPlant::findTrouble() const {
         return "it missed commands for longer than repeat_ticks, and holds itself; see what kept this program or the "
                "line, "
                "or raise repeat_ticks";
-    if (((flags & VL_ADDS_GRAVITY) != 0) != addsGravity_)
+    if (((flags & VL_ADDS_GRAVITY) != 0) != options_.addsGravity)
         return "what it adds for gravity is not as adds_gravity says any more; see what changed it at the robot";
-    if (((flags & VL_ADDS_FRICTION) != 0) != addsFriction_)
+    if (((flags & VL_ADDS_FRICTION) != 0) != options_.addsFriction)
         return "what it adds for friction is not as adds_friction says any more; see what changed it at the robot";
-    if (measuresExternal_ && !(flags & VL_HAS_EXTERNAL))
+    if (options_.measuresExternal && !(flags & VL_HAS_EXTERNAL))
         return "it measures the torque of the surroundings no more; see its sensors, or write external_torque: false";
     return nullptr;
 }
@@ -369,12 +308,12 @@ const char* LinkPlant::judgeAge() noexcept {
     const double mean = static_cast<double>(ageTicks_) / ages_;
     ages_ = 0;
     ageTicks_ = 0;
-    if (mean <= delayTicks_ + std::max<double>(kSpareDelay, 0.5 * delayTicks_)) return nullptr;
+    if (mean <= options_.delayTicks + std::max<double>(kSpareDelay, 0.5 * options_.delayTicks)) return nullptr;
     std::snprintf(
         why_, sizeof why_,
         "its torques answer states of %.1f ticks before in the mean of %d, and the gains reckon with delay_ticks: "
         "%d; see what the line loses and what slows this computer, or raise delay_ticks",
-        mean, kClockStates, delayTicks_);
+        mean, kClockStates, options_.delayTicks);
     return why_;
 }
 
@@ -398,7 +337,7 @@ const char* LinkPlant::judgeFollowing() noexcept {
         why_, sizeof why_,
         "it takes no torque, %llu ticks after the first one: they are lost, or come later than repeat_ticks: %d "
         "allows; see the line, or raise repeat_ticks",
-        static_cast<unsigned long long>(holdingTicks_), repeats_);
+        static_cast<unsigned long long>(holdingTicks_), options_.repeats);
     return why_;
 }
 
@@ -407,9 +346,9 @@ void LinkPlant::checkDelay(Delays& ticks, std::size_t count) const {
         refuse("has more than " + std::to_string(answered_.size()) + " commands under way", "See what slows the line.");
     const auto middle = ticks.begin() + static_cast<std::ptrdiff_t>(count / 2);
     std::nth_element(ticks.begin(), middle, ticks.begin() + static_cast<std::ptrdiff_t>(count));
-    if (*middle <= static_cast<std::uint64_t>(delayTicks_) + kSpareDelay) return;
+    if (*middle <= static_cast<std::uint64_t>(options_.delayTicks) + kSpareDelay) return;
     refuse("lets a torque act " + std::to_string(*middle) + " ticks after the state that it answers (median of " +
-               std::to_string(count) + "), and the file says delay_ticks: " + std::to_string(delayTicks_),
+               std::to_string(count) + "), and the file says delay_ticks: " + std::to_string(options_.delayTicks),
            "See what slows the line or this computer, or write delay_ticks: " + std::to_string(*middle) +
                ", which the gains of the robust loop follow.");
 }
@@ -425,13 +364,13 @@ void LinkPlant::checkRobot(const MotionState& start) {
                    name + (says ? ": true" : ": false"),
                std::string("Write ") + name + (says ? ": false" : ": true") + ", or change the robot's setting.");
     };
-    compareFlag("adds_gravity", addsGravity_, VL_ADDS_GRAVITY, "gravity");
-    compareFlag("adds_friction", addsFriction_, VL_ADDS_FRICTION, "friction");
-    if (measuresExternal_ && !(flags & VL_HAS_EXTERNAL))
+    compareFlag("adds_gravity", options_.addsGravity, VL_ADDS_GRAVITY, "gravity");
+    compareFlag("adds_friction", options_.addsFriction, VL_ADDS_FRICTION, "friction");
+    if (options_.measuresExternal && !(flags & VL_HAS_EXTERNAL))
         refuse("does not measure the torque of the surroundings", "Write external_torque: false.");
     for (int i = 0; i < n_; ++i) {
         const double away = std::abs(state_.q[i] - start.q[i]);
-        if (away <= startTolerance_[i]) continue;
+        if (away <= options_.startTolerance[i]) continue;
         refuse("does not stand where the file starts: " + robot_->joints[static_cast<std::size_t>(i)].name + " is at " +
                    formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
                "Move the robot there, start where it stands (`viable live --from-here`), or write its pose as the "
@@ -444,30 +383,31 @@ void LinkPlant::checkRobot(const MotionState& start) {
 /** The torque of an arm at rest is gravity's, and what friction holds: its size says whether the robot counts gravity, its
 signs whether joints are exchanged or turn the other way. */
 void LinkPlant::checkRestTorque() {
-    if (std::isinf(torqueShare_)) return;
+    if (std::isinf(options_.torqueShare)) return;
     model_->calcDynamics(state_.q, JointVector::Zero(n_), dynamics_);
-    const JointVector expected = addsGravity_ ? JointVector(JointVector::Zero(n_)) : dynamics_.gravity;
+    const JointVector expected = options_.addsGravity ? JointVector(JointVector::Zero(n_)) : dynamics_.gravity;
     const double largest = dynamics_.gravity.lpNorm<Eigen::Infinity>();
     for (int i = 0; i < n_; ++i) {
         const double held = kBreakaway * robot_->actuation.friction.coulomb[i];
         const double limit = robot_->actuation.torqueLimit[i];
         const double noise = std::isfinite(limit) ? kRestNoiseShare * limit : kRestNoise_Nm;
-        const double tolerance = std::max(held + torqueShare_ * largest, noise);
-        if (std::abs(restTorques_[i] + (addsGravity_ ? dynamics_.gravity[i] : 0.0)) > limit)
+        const double tolerance = std::max(held + options_.torqueShare * largest, noise);
+        if (std::abs(restTorques_[i] + (options_.addsGravity ? dynamics_.gravity[i] : 0.0)) > limit)
             refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, beyond the torque_limit_Nm " +
                        formatShort(limit) + " of " + robot_->joints[static_cast<std::size_t>(i)].name,
                    "Correct the limit in actuation.yaml: with it this arm cannot be held.");
         if (std::abs(restTorques_[i] - expected[i]) <= tolerance) continue;
         const char* const guess =
-            addsGravity_ && (restTorques_ - dynamics_.gravity).norm() < 0.5 * dynamics_.gravity.norm()
+            options_.addsGravity && (restTorques_ - dynamics_.gravity).norm() < 0.5 * dynamics_.gravity.norm()
                 ? "It looks as if the robot did not subtract gravity: write adds_gravity: false, or see its driver. "
-            : !addsGravity_ && restTorques_.norm() < 0.5 * dynamics_.gravity.norm()
+            : !options_.addsGravity && restTorques_.norm() < 0.5 * dynamics_.gravity.norm()
                 ? "It looks as if the robot added gravity itself: write adds_gravity: true, or see its driver. "
             : (restTorques_ + expected).norm() < 0.5 * expected.norm() ? "It looks as if its signs were reversed. "
                                                                        : "";
         refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, and the model expects " +
-                   formatTorques(expected) + " Nm" + (addsGravity_ ? " beside what the robot adds for gravity" : "") +
-                   " (" + robot_->joints[static_cast<std::size_t>(i)].name + " differs by more than " +
+                   formatTorques(expected) + " Nm" +
+                   (options_.addsGravity ? " beside what the robot adds for gravity" : "") + " (" +
+                   robot_->joints[static_cast<std::size_t>(i)].name + " differs by more than " +
                    formatShort(tolerance) + ")",
                std::string(guess) +
                    "See gravity, the signs and the order of the joints, the robot's mounting and its payload; "
@@ -487,7 +427,7 @@ void LinkPlant::reset(const MotionState& start) {
     restTorques_.setZero(n_);
     if (start.qd.lpNorm<Eigen::Infinity>() > 0.0)
         refuse("cannot be taken over in motion, as the start of the file is", "Give no velocity in the start.");
-    const std::int64_t end_ns = vl_now_ns() + toNanoseconds(connectTimeout_s_);
+    const std::int64_t end_ns = vl_now_ns() + toNanoseconds(options_.connectTimeout_s);
     try {
         open(end_ns);
         awaitRest(end_ns);
@@ -497,17 +437,17 @@ void LinkPlant::reset(const MotionState& start) {
         disconnect();
         throw;
     }
-    if (std::isinf(torqueShare_))
+    if (std::isinf(options_.torqueShare))
         sender_->reset(state_.q);  // what it measures is not to be trusted
     else
-        sender_->reset(state_.q, restTorques_, blend_s_);
+        sender_->reset(state_.q, restTorques_, options_.blend_s);
 }
 
 TickStatus LinkPlant::fail(const char* why) noexcept {
     if (!isGone_) {
         std::snprintf(text_, sizeof text_,
                       "it cannot drive the robot at %.80s any more: %s (packets: %s; ticks without a state: %llu)",
-                      address_.c_str(), why, writePackets(), static_cast<unsigned long long>(host_.lost));
+                      options_.address.c_str(), why, writePackets(), static_cast<unsigned long long>(host_.lost));
         isGone_ = true;
         if (isOpen_) send(VL_STOP);  // or it repeats the last torque; does not wait
     }
@@ -521,7 +461,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     if (readSequence_ == 0) receive(0);  // what has waited since reset() is old
     const std::uint64_t absurdBefore = host_.counts[VL_INVALID];
     const std::int64_t begin_ns = vl_now_ns();
-    if (!receive(toNanoseconds(silenceTimeout_s_))) {
+    if (!receive(toNanoseconds(options_.silenceTimeout_s))) {
         const std::uint64_t absurd = host_.counts[VL_INVALID] - absurdBefore;
         const double waited_s = 1e-9 * static_cast<double>(vl_now_ns() - begin_ns);
         char why[224];
@@ -533,7 +473,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
                 waited_s, static_cast<unsigned long long>(absurd));
         else
             std::snprintf(why, sizeof why, "no state has come for %.3g s; see that it and the line are up",
-                          silenceTimeout_s_);
+                          options_.silenceTimeout_s);
         return fail(why);
     }
     takeState();
@@ -563,4 +503,4 @@ TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
 VIABLE_PLUGIN(viable::RealPlant, viable::LinkPlant, "link",
               "A robot in another process or computer, over viable_link.h (UDP or shared memory); its packets make the "
               "ticks.",
-              viable::kParameters)
+              viable::LinkPlantOptions)

@@ -12,6 +12,65 @@
 
 namespace viable {
 
+struct LinkPlantOptions {
+    std::string address;
+    std::filesystem::path keyFile;
+    bool addsGravity = false, addsFriction = false, measuresExternal = false;
+    int repeats = 5, delayTicks = 1;
+    PerJoint motorRate = kInfinity, startTolerance = 0.02;
+    double blend_s = 0.5, connectTimeout_s = 5.0, silenceTimeout_s = 0.2, restVelocity = 0.02, torqueShare = 0.5;
+
+    template <class V>
+    void describe(V& v) {
+        v(address, "address",
+          "Of the robot: numeric, as 127.0.0.1:47100 or \"[::1]:47100\" (UDP), or shm:NAME (shared memory of the same "
+          "computer).")
+            .required();
+        v(keyFile, "key_file",
+          "32 hexadecimal digits that the robot knows, too; packets of others are then dropped. None, or an empty "
+          "name: "
+          "whoever reaches the robot can command it.");
+        v(addsGravity, "adds_gravity",
+          "The robot adds the torque that holds the arm against gravity: it is sent the rest, and measures so.");
+        v(addsFriction, "adds_friction",
+          "The robot makes up for its own friction; give it none in its actuation.yaml, then.");
+        v(measuresExternal, "external_torque",
+          "The torque of the surroundings, as the robot measures it, is passed on.");
+        v(repeats, "repeat_ticks", "Ticks for which the robot may repeat a torque when the next one is missing.")
+            .atLeast(0)
+            .upTo(1000);
+        v(delayTicks, "delay_ticks", "Ticks from a state to the first one in which the torque that answers it acts.")
+            .atLeast(0)
+            .upTo(20);
+        v(motorRate, "motor_rate_Nmps", "Nm/s", "Fastest change of torque that the robot accepts.")
+            .above(0)
+            .orInfinite();
+        v(blend_s, "blend_s", "s",
+          "The first torque is what the robot has held its arm with; by what that differs from the model's fades in "
+          "this "
+          "time.")
+            .above(0)
+            .upTo(30);
+        v(connectTimeout_s, "connect_timeout_s", "s", "How long the robot is called before a run is refused.")
+            .above(0)
+            .upTo(30);
+        v(silenceTimeout_s, "silence_timeout_s", "s",
+          "A robot that sends nothing for so long is gone, and the run ends.")
+            .above(0)
+            .upTo(30);
+        v(startTolerance, "start_tolerance_rad", "rad", "How far from the start of the file the robot may stand.")
+            .above(0)
+            .orInfinite();
+        v(restVelocity, "rest_velocity_radps", "rad/s", "Joints that are slower in the mean rest.").above(0);
+        v(torqueShare, "rest_torque_share", "",
+          "The measured torque of the resting arm may differ from the model's by this share of the largest gravity "
+          "torque, "
+          "and by 1.5 times the Coulomb friction; .inf: it is not looked at.")
+            .above(0)
+            .orInfinite();
+    }
+};
+
 /** Compares a robot's clock with the tick that it claims, over windows of states. Wrong is a window in which most ticks and the
 mean are: a robot that is late now and then, or makes up for it, is not meant. */
 class ClockWatch {
@@ -52,8 +111,8 @@ public:
     void reset(const MotionState& start) override;
     const JointState& measured() const override { return state_; }
     const JointState& actual() const override { return state_; }
-    const JointVector* externalTorque() const override { return measuresExternal_ ? &external_ : nullptr; }
-    PlantTraits traits() const override { return {Encoder::Counts, delayTicks_, motorRate_, true}; }
+    const JointVector* externalTorque() const override { return options_.measuresExternal ? &external_ : nullptr; }
+    PlantTraits traits() const override { return {Encoder::Counts, options_.delayTicks, motorRate_, true}; }
     TickStatus read(std::int64_t& ticksPassed) override;
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
 
@@ -89,12 +148,10 @@ private:
     const RobotDescription* robot_ = nullptr;
     int n_ = 0;
     double tick_s_ = 0.0;
-    std::string address_, place_;
+    LinkPlantOptions options_;
+    std::string place_;
     vl_key key_{};
-    bool addsGravity_ = false, addsFriction_ = false, measuresExternal_ = false;
-    int repeats_ = 0, delayTicks_ = 0;
-    JointVector motorRate_, startTolerance_;
-    double blend_s_ = 0.0, connectTimeout_s_ = 0.0, silenceTimeout_s_ = 0.0, restVelocity_ = 0.0, torqueShare_ = 0.0;
+    JointVector motorRate_;
     std::unique_ptr<TorqueSender> sender_;
     std::unique_ptr<RobotModel> model_;
     Dynamics dynamics_;

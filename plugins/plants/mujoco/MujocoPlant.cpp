@@ -12,7 +12,16 @@ namespace viable {
 
 namespace {
 
-constexpr auto kParameters = joinParameters(kArmHardwareParameters, kMotorRateParameters);
+struct MujocoPlantOptions {
+    ArmHardwareOptions hardware;
+    MotorRateOptions motorRate;
+
+    template <class V>
+    void describe(V& v) {
+        hardware.describe(v);
+        motorRate.describe(v);
+    }
+};
 
 /** MuJoCo's hardest constraint: of the force that holds a joint, all but this part. */
 constexpr double kHardest = 0.9999;
@@ -29,8 +38,9 @@ constexpr int kSolverRounds = 50;  // Newton's method needs a few
 
 void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    hardware_.configure(setup, parameters);
-    motorRate_.configure(setup, parameters);
+    const auto [hardware, motorRate] = parameters.get<MujocoPlantOptions>();
+    hardware_.configure(setup, hardware, parameters);
+    motorRate_.configure(setup, motorRate, hardware.torqueLimitFactor);
     const RobotDescription& robot = hardware_.robot();
     const std::string source = robot.folder.empty() ? robot.name : (robot.folder / (robot.name + ".urdf")).string();
     const std::string urdf = findUrdf(setup.robot);  // the nominal one: masses are changed below
@@ -38,9 +48,8 @@ void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters)
         mujoco_ = std::make_unique<MujocoModel>(urdf);
         mujoco_->sharpenInertia();
         findJoints(source);
-        scaleMasses(parameters.jointNumbers("mass_factor"));
-        const std::vector<double>& offset = parameters.numbers("payload_offset_m");
-        mujoco_->addPointMass(robot.toolLink, parameters.number("payload_kg"), {offset[0], offset[1], offset[2]});
+        scaleMasses(hardware.massFactor.expand(n_));
+        mujoco_->addPointMass(robot.toolLink, hardware.payload_kg, hardware.payloadOffset);
     } catch (const Error&) {
         throw;
     } catch (const std::exception& e) {
@@ -190,4 +199,4 @@ VIABLE_PLUGIN(viable::RealPlant, viable::MujocoPlant, "mujoco",
               "The arm in simulation by another engine: MuJoCo, with its own reading of the URDF "
               "and its own dry "
               "friction.",
-              viable::kParameters)
+              viable::MujocoPlantOptions)

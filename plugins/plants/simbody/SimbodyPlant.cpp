@@ -11,20 +11,25 @@ namespace viable {
 
 namespace {
 
-constexpr ParameterSpec kDynamicsParameters[] = {
-    parameter::choice(
-        "dynamics", "simbody|recursion", "simbody",
-        "What computes M and b: Simbody, independent of the nominal arm's, or the nominal arm's recursion, "
-        "the same to rounding and several times as fast."),
+struct SimbodyPlantOptions {
+    ArmHardwareOptions hardware;
+    bool isRecursive = false;
+    MotorRateOptions motorRate;
+    PerJoint backlash = 0.0, gearStiffness = 1e4;
+
+    template <class V>
+    void describe(V& v) {
+        hardware.describe(v);
+        v(isRecursive, "dynamics", "simbody|recursion",
+          "What computes M and b: Simbody, independent of the nominal arm's, or the nominal arm's recursion, the same "
+          "to "
+          "rounding and several times as fast.");
+        motorRate.describe(v);
+        v(backlash, "backlash_rad", "rad", "Width of the gap in each gear; where none has one, the gears are rigid.")
+            .atLeast(0);
+        v(gearStiffness, "gear_stiffness_Nmprad", "Nm/rad", "Of the gears where any has a gap.").above(0);
+    }
 };
-constexpr ParameterSpec kGearParameters[] = {
-    parameter::jointNumbers("backlash_rad", "rad", "0.0",
-                            "Width of the gap in each gear; where none has one, the gears are rigid.")
-        .atLeast(0),
-    parameter::jointNumbers("gear_stiffness_Nmprad", "Nm/rad", "1.0e4", "Of the gears where any has a gap.").above(0),
-};
-constexpr auto kParameters =
-    joinParameters(kArmHardwareParameters, kDynamicsParameters, kMotorRateParameters, kGearParameters);
 
 /** Damping of a gear's spring, as a share of critical. */
 constexpr double kGearDamping = 0.1;
@@ -55,11 +60,13 @@ JointMatrix invertLower(const JointMatrix& L) {
 
 void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    hardware_.configure(setup, parameters);
-    motorRate_.configure(setup, parameters);
-    halfGap_ = 0.5 * parameters.jointNumbers("backlash_rad");
+    const auto options = parameters.get<SimbodyPlantOptions>();
+    hardware_.configure(setup, options.hardware, parameters);
+    motorRate_.configure(setup, options.motorRate, options.hardware.torqueLimitFactor);
+    halfGap_ = 0.5 * options.backlash.expand(n_);
+    stiffness_ = options.gearStiffness.expand(n_);
     hasGears_ = halfGap_.maxCoeff() > 0.0;
-    engine_ = parameters.text("dynamics") == "recursion" ? DynamicsEngine::Recursion : DynamicsEngine::Simbody;
+    engine_ = options.isRecursive ? DynamicsEngine::Recursion : DynamicsEngine::Simbody;
     if (hasGears_)
         configureGears(setup, parameters);
     else
@@ -78,7 +85,6 @@ void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& param
                            "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
     links.actuation.rotorInertia.setZero(n_);
     model_ = std::make_unique<RobotModel>(links, engine_);
-    stiffness_ = parameters.jointNumbers("gear_stiffness_Nmprad");
 
     damping_.resize(n_);
     for (int i = 0; i < n_; ++i) {  // by the lightest that swings on this spring
@@ -288,4 +294,4 @@ TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied
 VIABLE_PLUGIN(viable::RealPlant, viable::SimbodyPlant, "simbody",
               "The arm in simulation: Simbody's multibody model with friction, payload, backlash, motors "
               "and sensors.",
-              viable::kParameters)
+              viable::SimbodyPlantOptions)

@@ -19,4 +19,4 @@ TickStatus None::compute(const JointState& real, const MotionState& nominal, con
 
 }  // namespace viable
 
-VIABLE_PLUGIN(viable::RobustLoop, viable::None, "none", "Adds no torque, for comparison.", nullptr)
+VIABLE_PLUGIN(viable::RobustLoop, viable::None, "none", "Adds no torque, for comparison.", viable::NoOptions)

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "RobotFolder.h"
+#include "viable/config/Settings.h"
 
 namespace viable {
 namespace {
@@ -12,9 +13,22 @@ JointLimits makeBase() {
     return base;
 }
 
+struct Limits {
+    JointLimits limits;
+    bool allowsLargeAngles = false;
+
+    template <class V>
+    void describe(V& v) {
+        limits.describe(v);
+        v(allowsLargeAngles, "allow_large_angles", "Position limits beyond 4 pi are intended, not degrees.");
+    }
+};
+
 JointLimits read(const std::string& text, bool* allowLargeAngles = nullptr) {
-    bool flag = false;
-    return readLimits(parseConfig(text, "file.yaml"), makeBase(), allowLargeAngles ? *allowLargeAngles : flag);
+    Limits settings{makeBase()};
+    readSettings(parseConfig(text, "file.yaml"), settings, 3);
+    if (allowLargeAngles) *allowLargeAngles = settings.allowsLargeAngles;
+    return settings.limits;
 }
 
 std::string findFault(const std::string& text) {

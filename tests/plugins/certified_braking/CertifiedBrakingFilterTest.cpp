@@ -300,14 +300,6 @@ TEST(CertifiedBraking, Fault08GainsThatTheTickCannotCarryAreRefused) {
     EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
 }
 
-TEST(CertifiedBraking, ThePluginHasTheDefaultsOfTheOptions) {
-    const Parameters parameters = read(TestArm("indy7"), "");
-    const CertifiedBrakingOptions options;
-    EXPECT_EQ(parameters.number("k_alpha"), options.kAlpha);
-    EXPECT_EQ(parameters.number("gamma"), options.gamma);
-    EXPECT_EQ(parameters.flag("recovery"), options.recovery);
-}
-
 TEST(CertifiedBraking, OptionsInCodeAreCheckedInWordsOfTheirOwn) {
     TestArm arm("indy7");
     const auto complain = [&](const CertifiedBrakingOptions& options) {

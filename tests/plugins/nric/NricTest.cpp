@@ -100,10 +100,11 @@ TEST_F(NricTest, CoupledGainsKeepTheBoundsToo) {
 TEST_F(NricTest, ThePluginHasTheBoundsOfTheOptions) {
     const Parameters parameters = arm_.read(PluginKind::RobustLoop, "nric", "");
     const NricOptions options;
-    for (const char* gain : {"k_r", "k_p", "k_i"}) EXPECT_EQ(parameters.jointNumbers(gain).size(), 0) << "not auto";
-    EXPECT_EQ(parameters.jointNumbers("integral_limit_Nm"), options.integralLimit.expand(n()));
-    EXPECT_EQ(parameters.jointNumbers("torque_rate_Nmps"), options.torqueRate.expand(n()));
-    EXPECT_EQ(parameters.jointNumbers("motor_rate_Nmps"), options.motorRate.expand(n()));
+    const auto settings = parameters.get<NricSettings>();
+    EXPECT_FALSE(settings.kr || settings.kp || settings.ki) << "not auto";
+    EXPECT_EQ(settings.integralLimit.expand(n()), options.integralLimit.expand(n()));
+    EXPECT_EQ(settings.torqueRate.expand(n()), options.torqueRate.expand(n()));
+    EXPECT_EQ(settings.motorRate.expand(n()), options.motorRate.expand(n()));
 }
 
 TEST_F(NricTest, OptionsInCodeAreChecked) {

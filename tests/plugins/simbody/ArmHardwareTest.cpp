@@ -38,6 +38,11 @@ std::string complain(TestArm& arm, const std::string& text) {
     return findComplaint([&] { Driven(arm, text); });
 }
 
+void configure(ArmHardware& hardware, TestArm& arm, const std::string& text) {
+    const Parameters parameters = arm.read(PluginKind::RealPlant, "simbody", text);
+    hardware.configure(arm.setup(), parameters.get<ArmHardwareOptions>(), parameters);
+}
+
 TEST(ArmHardware, CommandsArriveAfterWholeTicksAndTheFirstOneAtOnce) {
     TestArm arm("single_joint");
     for (const int delay : {0, 1, 3, 20}) {
@@ -54,9 +59,7 @@ TEST(ArmHardware, CommandsArriveAfterWholeTicksAndTheFirstOneAtOnce) {
 TEST(ArmHardware, RippleHasItsPeriodsPerTurnAndItsAmplitude) {
     TestArm arm("indy7");
     ArmHardware hardware;
-    hardware.configure(arm.setup(),
-                       arm.read(PluginKind::RealPlant, "simbody",
-                                "torque_ripple_Nm: [1, 2, 0, 3, 0, 4], torque_ripple_per_turn: [0, 7, 0, 0, 0, 0]"));
+    configure(hardware, arm, "torque_ripple_Nm: [1, 2, 0, 3, 0, 4], torque_ripple_per_turn: [0, 7, 0, 0, 0, 0]");
     const JointVector amplitude = (JointVector(6) << 1, 2, 0, 3, 0, 4).finished();
     const JointVector zero = JointVector::Zero(6);
     JointVector largest = zero;
@@ -221,8 +224,7 @@ TEST(ArmHardware, Fault22NoiseIsCutAtFourStandardDeviations) {
     TestArm arm("single_joint");
     const double noise = 1e-4;
     ArmHardware hardware;
-    hardware.configure(
-        arm.setup(), arm.read(PluginKind::RealPlant, "simbody", "encoder: exact, encoder_noise_rad: 1.0e-4, seed: 3"));
+    configure(hardware, arm, "encoder: exact, encoder_noise_rad: 1.0e-4, seed: 3");
     const JointState still{one(0.0), one(0.0)};
     hardware.reset(still);
     double largest = 0.0;

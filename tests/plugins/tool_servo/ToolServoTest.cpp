@@ -443,7 +443,7 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
                 ToolFollower follower;
                 ToolFollowerOptions options;
                 options.share = share;
-                options.reference.rotationLength_m = 0.2;
+                options.reference = {0.2, 0.0, 0.0};
                 follower.configure(arm.robot, arm.limits, tick_s, arm.start, options);
                 MotionState state = arm.start;
                 JointVector jerk;

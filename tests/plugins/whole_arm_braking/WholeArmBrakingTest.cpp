@@ -610,24 +610,12 @@ TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
 TEST(WholeArmBraking, TorqueRatesThatAreNotAboveZeroAreRefused) {
     for (const double rate : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
         WholeArmBrakingOptions options;
-        options.torqueRate = JointVector::Constant(6, 1000.0);
-        options.torqueRate[2] = rate;
+        JointVector rates = JointVector::Constant(6, 1000.0);
+        rates[2] = rate;
+        options.torqueRate = rates;
         ArmAmongObstacles arm(Environment{}, options);
         EXPECT_THROW(arm.configure(), Error) << rate;
     }
-}
-
-TEST(WholeArmBraking, ThePluginHasTheDefaultsOfTheOptions) {
-    TestArm arm("indy7");
-    const Parameters parameters = arm.read(PluginKind::SafetyFilter, "whole_arm_braking", "");
-    const WholeArmBrakingOptions options;
-    EXPECT_EQ(parameters.number("k_alpha"), options.joints.kAlpha);
-    EXPECT_EQ(parameters.number("gamma"), options.joints.gamma);
-    EXPECT_EQ(parameters.flag("recovery"), options.joints.recovery);
-    EXPECT_EQ(parameters.number("torque_share"), options.torqueShare);
-    EXPECT_TRUE(parameters.jointNumbers("torque_rate_Nmps").array().isInf().all());
-    EXPECT_EQ(parameters.flag("steers"), options.steers);
-    EXPECT_EQ(parameters.number("max_age_s"), options.maxAge_s);
 }
 
 }  // namespace

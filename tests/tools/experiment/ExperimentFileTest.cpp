@@ -7,6 +7,8 @@
 #include <sstream>
 
 #include "CaseSupport.h"
+#include "viable/filter/BrakingPolicyFilter.h"
+#include "viable/tracking/Nric.h"
 
 namespace viable {
 namespace {
@@ -27,11 +29,11 @@ TEST(ExperimentFile, AListOfFiltersIsAChainInThatOrder) {
     const CasePlan& plan = e.cases[0];
     EXPECT_EQ(plan.filterName(), "tosbp + certified_braking + pass_through");
     ASSERT_EQ(plan.filters.size(), 3u);
-    EXPECT_EQ(plan.filters[0].parameters.number("gamma"), 40.0);
-    EXPECT_EQ(plan.filters[0].parameters.number("k_alpha"), 3.0);
+    EXPECT_EQ(plan.filters[0].parameters.get<BrakingPolicyOptions>().following.gamma, 40.0);
+    EXPECT_EQ(plan.filters[0].parameters.get<BrakingPolicyOptions>().kAlpha, 3.0);
     const Experiment again = readTestExperiment(writeConfig(plan.resolved));
     EXPECT_EQ(again.cases[0].filterName(), plan.filterName());
-    EXPECT_EQ(again.cases[0].filters[0].parameters.number("gamma"), 40.0);
+    EXPECT_EQ(again.cases[0].filters[0].parameters.get<BrakingPolicyOptions>().following.gamma, 40.0);
 }
 
 TEST(ExperimentFile, AWrongListOfFiltersIsRefused) {
@@ -57,8 +59,9 @@ TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {
     EXPECT_EQ(e.cases[1].filterName(), "pass_through");
     EXPECT_EQ(e.cases[1].limits.jerk.upper[3], 20.0);
     EXPECT_EQ(e.cases[1].limits.velocity.upper[3], e.cases[0].limits.velocity.upper[3]);
-    EXPECT_EQ(e.cases[1].robustLoop->parameters.jointNumbers("k_r")[0], 500.0);
-    EXPECT_EQ(e.cases[1].robustLoop->parameters.jointNumbers("k_p")[0], 20.0);
+    const auto loop = e.cases[1].robustLoop->parameters.get<NricSettings>();
+    EXPECT_EQ((*loop.kr)[0], 500.0);
+    EXPECT_EQ((*loop.kp)[0], 20.0);
 }
 
 TEST(ExperimentFile, TheResolvedFileReadsBackToTheSameCase) {

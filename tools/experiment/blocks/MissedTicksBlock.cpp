@@ -4,7 +4,6 @@
 
 #include "core/Complaints.h"
 #include "experiment/ResolvedNodes.h"
-#include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
 
 namespace viable::detail {
@@ -17,14 +16,10 @@ std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, doub
     Complaints complaints;
     for (const ConfigNode& item : node.items)
         complaints.gather([&] {
-            ConfigMap map(item);
-            map.find("at_s");
-            map.find("count");
-            map.finish();  // unknown keys first: a misspelt key explains a missing one
-            const double at_s = toNumber(map.require("at_s"), {0.0, duration_s});
-            const ParameterSpec& range = getKey(gapKeys(), "count");
-            const std::int64_t count = toInteger(map.require("count"), getSmallest(range), getLargest(range));
-            gaps.push_back({std::llround(at_s / tick_s), count});
+            GapSettings gap;
+            readSettings(item, gap);
+            toNumber(*item.find("at_s"), {0.0, duration_s});
+            gaps.push_back({std::llround(gap.at_s / tick_s), gap.count});
         });
     complaints.throwIfAny(node.place());
     return gaps;

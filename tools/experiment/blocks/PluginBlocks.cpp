@@ -26,11 +26,13 @@ Parameters readPythonParameters(ConfigNode block, const std::string& plugin, int
             value.quoted = true;
         } else if (value.kind != ConfigNode::Kind::List) {
             if (value.kind == ConfigNode::Kind::Scalar) refuseBlank(value);
-            specs.push_back(parameter::text(name, nullptr, ""));
+            specs.push_back({name, "", ParameterType::Text, nullptr, ""});
         } else if (!value.items.empty() && value.items.front().kind == ConfigNode::Kind::List) {
-            specs.push_back(parameter::rows(name, "", 0, kMaxConfigNodes, nullptr, "").orInfinite());
+            specs.push_back(
+                ParameterSpec{name, "", ParameterType::Rows, nullptr, ""}.count(0, kMaxConfigNodes).orInfinite());
         } else {
-            specs.push_back(parameter::numbers(name, "", 0, kMaxConfigNodes, nullptr, "").orInfinite());
+            specs.push_back(
+                ParameterSpec{name, "", ParameterType::Numbers, nullptr, ""}.count(0, kMaxConfigNodes).orInfinite());
         }
     }
     return readParameters(block, specs.data(), specs.size(), joints);
@@ -60,11 +62,11 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     std::vector<ParameterSpec> specs(info.entry->parameters, info.entry->parameters + info.entry->parameterCount);
     const bool isRobustLoop = kind == PluginKind::RobustLoop;
     const bool isDeclared = std::any_of(specs.begin(), specs.end(), [](const ParameterSpec& spec) {
-        return spec.name && std::string(spec.name) == makeAcceptUnstable().name;
+        return spec.name && std::string(spec.name) == acceptUnstable().name;
     });
-    if (isRobustLoop && !isDeclared) specs.push_back(makeAcceptUnstable());
+    if (isRobustLoop && !isDeclared) specs.push_back(acceptUnstable());
     choice.parameters = readParameters(block, specs.data(), specs.size(), joints);
-    choice.acceptsUnstable = isRobustLoop && !isDeclared && choice.parameters.flag(makeAcceptUnstable().name);
+    choice.acceptsUnstable = isRobustLoop && !isDeclared && choice.parameters.get<RobustLoopSettings>().acceptsUnstable;
     return choice;
 }
 

@@ -7,8 +7,8 @@ RobotDescription readRobot(const ConfigNode& name, const std::vector<std::filesy
 }
 
 RobotDescription addPayload(RobotDescription robot, const Parameters& payload) {
-    const std::vector<double>& offset = payload.numbers("offset_m");
-    return withPayload(std::move(robot), payload.number("mass_kg"), {offset[0], offset[1], offset[2]});
+    const auto settings = payload.get<PayloadSettings>();
+    return withPayload(std::move(robot), settings.mass_kg, settings.offset);
 }
 
 }  // namespace viable::detail

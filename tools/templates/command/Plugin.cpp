@@ -6,17 +6,25 @@
 
 namespace {
 
-// Declared once: parsing, range errors and `viable plugins --describe @NAME@` come from this table.
-const viable::ParameterSpec kParameters[] = {
-    viable::parameter::jointNumbers("amplitude_rad", "rad", "0.5", "From the start to the far end."),
-    viable::parameter::number("frequency_hz", "Hz", "0.5", "Swings per second.").above(0).upTo(50),
+// Each setting described once: its member, initial value and line here are all that reading, range errors and
+// `viable plugins --describe @NAME@` need.
+struct Options {
+    viable::PerJoint amplitude_rad = 0.5;
+    double frequency_hz = 0.5;
+
+    template <class V>
+    void describe(V& v) {
+        v(amplitude_rad, "amplitude_rad", "rad", "From the start to the far end.");
+        v(frequency_hz, "frequency_hz", "Hz", "Swings per second.").above(0).upTo(50);
+    }
 };
 
 }  // namespace
 
 void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
-    amplitude_ = parameters.jointNumbers("amplitude_rad");
-    angularFrequency_ = 2.0 * M_PI * parameters.number("frequency_hz");
+    const auto options = parameters.get<Options>();
+    amplitude_ = options.amplitude_rad.expand(setup.size());
+    angularFrequency_ = 2.0 * M_PI * options.frequency_hz;
     start_ = setup.start.q;
 }
 
@@ -33,4 +41,4 @@ viable::TickStatus @CLASS@::sample(double t, viable::MotionCommand& out) {
     return viable::TickStatus::Ok;
 }
 
-VIABLE_PLUGIN(viable::CommandSource, @CLASS@, "@NAME@", "Swings every joint about its start.", kParameters)
+VIABLE_PLUGIN(viable::CommandSource, @CLASS@, "@NAME@", "Swings every joint about its start.", Options)

@@ -4,16 +4,22 @@
 
 namespace {
 
-// Declared once: parsing, range errors and `viable plugins --describe @NAME@` come from this table.
-const viable::ParameterSpec kParameters[] = {
-    viable::parameter::number("share", "", "1", "Share of the acceleration limits that may be used.").above(0).upTo(1),
+// Each setting described once: its member, initial value and line here are all that reading, range errors and
+// `viable plugins --describe @NAME@` need.
+struct Options {
+    double share = 1.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(share, "share", "", "Share of the acceleration limits that may be used.").above(0).upTo(1);
+    }
 };
 
 }  // namespace
 
 void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
-    const double share = parameters.number("share");
+    const double share = parameters.get<Options>().share;
     lower_ = share * setup.limits.acceleration.lower;
     upper_ = share * setup.limits.acceleration.upper;
 }
@@ -38,4 +44,4 @@ viable::FilterStatus @CLASS@::filter(const viable::FilterInput& input, viable::F
     return status;
 }
 
-VIABLE_PLUGIN(viable::SafetyFilter, @CLASS@, "@NAME@", "Clamps the acceleration of each joint.", kParameters)
+VIABLE_PLUGIN(viable::SafetyFilter, @CLASS@, "@NAME@", "Clamps the acceleration of each joint.", Options)

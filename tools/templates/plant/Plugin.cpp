@@ -4,9 +4,15 @@
 
 namespace {
 
-// Declared once: parsing, range errors and `viable plugins --describe @NAME@` come from this table.
-const viable::ParameterSpec kParameters[] = {
-    viable::parameter::jointNumbers("friction", "Nm s/rad", "0.5", "Torque per velocity.").atLeast(0),
+// Each setting described once: its member, initial value and line here are all that reading, range errors and
+// `viable plugins --describe @NAME@` need.
+struct Options {
+    viable::PerJoint friction = 0.5;
+
+    template <class V>
+    void describe(V& v) {
+        v(friction, "friction", "Nm s/rad", "Torque per velocity.").atLeast(0);
+    }
 };
 
 }  // namespace
@@ -14,7 +20,7 @@ const viable::ParameterSpec kParameters[] = {
 void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    friction_ = parameters.jointNumbers("friction");
+    friction_ = parameters.get<Options>().friction.expand(n_);
     torqueLimit_ = setup.robot.actuation.torqueLimit;
     model_ = std::make_unique<viable::RobotModel>(setup.robot);
     state_ = {setup.start.q, setup.start.qd};
@@ -39,4 +45,4 @@ viable::TickStatus @CLASS@::advance(const viable::JointVector& torque, viable::J
     return viable::TickStatus::Ok;
 }
 
-VIABLE_PLUGIN(viable::RealPlant, @CLASS@, "@NAME@", "The robot's rigid-body model with viscous friction.", kParameters)
+VIABLE_PLUGIN(viable::RealPlant, @CLASS@, "@NAME@", "The robot's rigid-body model with viscous friction.", Options)

@@ -4,18 +4,25 @@
 
 namespace {
 
-// Declared once: parsing, range errors and `viable plugins --describe @NAME@` come from this table.
-const viable::ParameterSpec kParameters[] = {
-    viable::parameter::jointNumbers("stiffness", "Nm/rad", "500", "Torque per position error.").atLeast(0),
-    viable::parameter::jointNumbers("damping", "Nm s/rad", "50", "Torque per velocity error.").atLeast(0),
+// Each setting described once: its member, initial value and line here are all that reading, range errors and
+// `viable plugins --describe @NAME@` need.
+struct Options {
+    viable::PerJoint stiffness = 500.0, damping = 50.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(stiffness, "stiffness", "Nm/rad", "Torque per position error.").atLeast(0);
+        v(damping, "damping", "Nm s/rad", "Torque per velocity error.").atLeast(0);
+    }
 };
 
 }  // namespace
 
 void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters& parameters) {
     n_ = setup.size();
-    stiffness_ = parameters.jointNumbers("stiffness");
-    damping_ = parameters.jointNumbers("damping");
+    const auto options = parameters.get<Options>();
+    stiffness_ = options.stiffness.expand(n_);
+    damping_ = options.damping.expand(n_);
 }
 
 void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
@@ -30,4 +37,4 @@ viable::TickStatus @CLASS@::compute(const viable::JointState& real, const viable
 }
 
 VIABLE_PLUGIN(viable::RobustLoop, @CLASS@, "@NAME@", "Spring and damper between the real joint and the nominal one.",
-              kParameters)
+              Options)

@@ -79,12 +79,23 @@ struct AxisLimits {
 
 /** Position, velocity, acceleration and jerk limits of all joints; each side of each joint has its
 own. Velocity, acceleration and jerk limits contain zero in their interior, so that every joint can
-stop and start. */
+stop and start. In a file, each of them in one of the forms
+    3 | [1, 2, 3]                                 both sides, symmetric about zero
+    {lower: -1 | [...], upper: 2 | [...]}         each side
+    {center: [...], half_range: [...]}            position only */
 struct JointLimits {
     JointBounds position;      // [rad]
     JointBounds velocity;      // [rad/s]
     JointBounds acceleration;  // [rad/s^2]
     JointBounds jerk;          // [rad/s^3]
+
+    template <class V>
+    void describe(V& v) {
+        v(position, "position_rad", "rad", "x (that is -x to x), {lower, upper} or {center, half_range}.").positions();
+        v(velocity, "velocity_radps", "rad/s", "x (that is -x to x) or {lower, upper}.");
+        v(acceleration, "acceleration_radps2", "rad/s^2", "x (that is -x to x) or {lower, upper}.");
+        v(jerk, "jerk_radps3", "rad/s^3", "x (that is -x to x) or {lower, upper}.");
+    }
 
     int size() const { return static_cast<int>(position.lower.size()); }
     AxisLimits axis(int joint) const;

@@ -69,7 +69,7 @@ inline AxisState advance(const AxisState& s, double j, double t) {
 /** A quantity of every joint: one number for all of them, or one each. */
 class PerJoint {
 public:
-    PerJoint(double all) : values_(JointVector::Constant(1, all)) {}
+    PerJoint(double all = 0.0) : values_(JointVector::Constant(1, all)) {}
     PerJoint(const JointVector& each) : values_(each) {}
 
     /** True for one number, or for n of them. */

@@ -17,6 +17,12 @@ namespace viable {
 struct Waypoint {
     double time_s = 0.0;                                 ///< rising
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< base frame [m]
+
+    template <class V>
+    void describe(V& v) {
+        v(time_s, "time_s", "s", "Of the run; rising.").atLeast(0).upTo(1e6).required();
+        v(position, "xyz", "m", "The place then, base frame.").atLeast(-1000).upTo(1000).required();
+    }
 };
 
 /** The place on a path at time t [s] of the run. Before the first waypoint it is at rest there. After the last it is
@@ -27,7 +33,8 @@ Eigen::Vector3d calcPlaceOnPath(const std::vector<Waypoint>& path, bool repeats,
 moves may touch them. */
 enum class BodyPart : unsigned char { Back, Chest, Abdomen, Pelvis, UpperArm, Forearm, Hand, Thigh, LowerLeg };
 
-/** As in experiment files, in the order of BodyPart: back, chest, abdomen, pelvis, upper_arm, forearm, hand, thigh, lower_leg. */
+/** As in experiment files, in the order of BodyPart. */
+inline constexpr char kBodyPartWords[] = "back|chest|abdomen|pelvis|upper_arm|forearm|hand|thigh|lower_leg";
 const std::vector<std::string>& bodyPartNames();
 
 /** The speed at which an arm may touch a part that can give way: v = F / sqrt(mu k) [m/s]. The arm moves
@@ -44,15 +51,35 @@ double calcContactSpeed(BodyPart part, double movingMass_kg);
 inline constexpr int kMaxPeople = 16, kMaxPersonCapsules = 8;
 /** Nothing of a person is farther away, or larger [m]. */
 inline constexpr double kFarthestPerson_m = 1000.0;
+/** Nobody is faster [m/s]: a larger number is a mistake in the unit. */
+inline constexpr double kFastestPerson_mps = 20.0;
 
 /** A part of a person: all points within `radius` of the segment from a to b (a ball where they are the same). */
 struct PersonCapsule {
     Eigen::Vector3d a = Eigen::Vector3d::Zero(), b = Eigen::Vector3d::Zero();  ///< [m]
     double radius = 0.0;                                                       ///< > 0 [m]
+
+    template <class V>
+    void describe(V& v) {
+        v(a, "from_m", "m", "One end of its axis, from the person's place.").atLeast(-1000).upTo(1000).required();
+        v(b, "to_m", "m", "The other end; without it, it is a ball.").atLeast(-1000).upTo(1000).optional();
+        v(radius, "radius_m", "m", "Around the axis.").above(0).upTo(1000).required();
+    }
+    void check(const ConfigNode& block) {
+        if (!block.find("to_m")) b = a;
+    }
 };
 
 /** A person near the arm, or a part of one that is faster than the rest, such as a hand. It holds what is known
-before the person is seen, and for tests the walk. */
+before the person is seen, and for tests the walk. In a file:
+
+    ann:
+      capsules: [{from_m: [0, 0, 0], to_m: [0, 0, 1.5], radius_m: 0.25}, {from_m: [0.3, 0, 1.1], radius_m: 0.1}]
+      walk: [{time_s: 0, xyz: [2, 0, 0]}, {time_s: 4, xyz: [0.9, 0, 0]}]
+      max_speed_mps: 1.6
+      latency_s: 0.05
+      error_m: 0.02
+      contact_speed_mps: 0     # or body_part: hand */
 struct Person {
     std::string name;
     double maxSpeed = 1.6;  ///< none of its points is ever faster [m/s]; 1.6 walking, 2 a hand (ISO 13855)
@@ -68,6 +95,13 @@ struct Person {
     /** Times in which nothing sees the person [s]. */
     struct Absence {
         double from_s = 0.0, to_s = 0.0;
+
+        template <class V>
+        void describe(V& v) {
+            v(from_s, "from_s", "s", "Nothing sees the person from here on.").atLeast(0).upTo(1e6).required();
+            v(to_s, "to_s", "s", "Until here.").atLeast(0).upTo(1e6).required();
+        }
+        void check(const ConfigNode& block) const;
     };
     std::vector<PersonCapsule> capsules;  ///< a scripted person's, from its place on the walk
     /** Straight and at constant speed from one to the next. At rest before the first and after the last. Empty: not
@@ -76,6 +110,30 @@ struct Person {
     bool repeats = false;
     std::vector<Absence> unseen;
 
+    template <class V>
+    void describe(V& v) {
+        v(capsules, "capsules", "What the person is made of, up to 8.").count(1, kMaxPersonCapsules).required();
+        v(walk, "walk",
+          "Where it is when: straight and at constant speed from one to the next. The arm does not know it.")
+            .required();
+        v(repeats, "repeats", "Walk it again and again; it must end where it begins.");
+        v(maxSpeed, "max_speed_mps", "m/s", "None of the person's points is faster: 1.6 walking, 2 a hand (ISO 13855).")
+            .above(0)
+            .upTo(kFastestPerson_mps);
+        v(latency_s, "latency_s", "s", "What is seen is up to so much older than it says.").atLeast(0).upTo(10);
+        v(error_m, "error_m", "m", "And wrong by no more than this.").atLeast(0).upTo(10);
+        v(contactSpeed, "contact_speed_mps", "m/s",
+          "Points of the arm may touch the person at this speed; 0: they rest before.")
+            .atLeast(0)
+            .upTo(kFastestPerson_mps);
+        v(bodyPart, "body_part", kBodyPartWords,
+          "What all capsules are of, instead of the speed: the one at which this arm may touch somebody there who "
+          "stands still, "
+          "by ISO/TS 15066.");
+        v(unseen, "unseen", "When nothing sees the person.").count(1, 0);
+    }
+    void check(const ConfigNode& block) const;
+
     Eigen::Vector3d calcPlace(double t) const;  ///< on the walk [m]
     bool isSeen(double t) const;
 };
@@ -83,19 +141,6 @@ struct Person {
 /** Checks what was filled in code. Throws Error (BadInput) that names every person with a number that cannot be.
 @param where  for the message */
 void checkPeople(const std::vector<Person>& people, const std::string& where);
-
-/** Reads a `people` block:
-
-    ann:
-      capsules: [{from_m: [0, 0, 0], to_m: [0, 0, 1.5], radius_m: 0.25}, {from_m: [0.3, 0, 1.1], radius_m: 0.1}]
-      walk: [{time_s: 0, xyz: [2, 0, 0]}, {time_s: 4, xyz: [0.9, 0, 0]}]
-      max_speed_mps: 1.6
-      latency_s: 0.05
-      error_m: 0.02
-      contact_speed_mps: 0     # or body_part: hand
-
-Throws Error (BadInput) with the place. */
-std::vector<Person> readPeople(const ConfigNode& block);
 
 /** Sets the contact speed of people with a body part (calcContactSpeed) for an arm that moves so much; an arm
 without mass has none. A part stands for all capsules of the person. */

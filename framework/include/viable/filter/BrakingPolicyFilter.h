@@ -5,6 +5,19 @@
 
 namespace viable {
 
+struct BrakingPolicyOptions {
+    double kAlpha = 5.0;
+    JerkIntervalOptions following;
+
+    template <class V>
+    void describe(V& v) {
+        v(kAlpha, "k_alpha", "1/s",
+          "Slope of alpha: how fast a limit may be approached; k_alpha * tick_s must not exceed 1.")
+            .above(0);
+        following.describe(v);
+    }
+};
+
 /** The law that the paper builds on a braking policy, without the policy: what tosbp and tovzbp have in
 common, slips of the paper corrected.
 
@@ -22,7 +35,7 @@ Guarantees: jerk and acceleration limits at every tick, from a start within them
 Real time: no allocation, lock or throw after configure(). */
 class BrakingPolicyFilter : public JerkIntervalFilter {
 public:
-    /** Reads `k_alpha` (k_alpha dt <= 1) [1/s], too. */
+    /** Reads BrakingPolicyOptions. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
 
 protected:

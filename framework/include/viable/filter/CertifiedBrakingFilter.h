@@ -16,7 +16,7 @@ enum class Objective : unsigned char {
     Path,    ///< all joints are held back alike, on the way from the backup stop's jerks to the desired ones
 };
 
-/** The gains of CertifiedBrakingFilter. The plugin's parameters have the same defaults (a test compares them). */
+/** The gains of CertifiedBrakingFilter. */
 struct CertifiedBrakingOptions {
     /** How fast a limit may be approached [1/s]: in (0, 1 / tick_s]; infinite: as fast as the limits allow. */
     double kAlpha = std::numeric_limits<double>::infinity();
@@ -25,6 +25,26 @@ struct CertifiedBrakingOptions {
     /** Accept a start outside the limits, or one that must leave them, and return within the limits. */
     bool recovery = false;
     Objective objective = Objective::Torque;
+
+    template <class V>
+    void describe(V& v) {
+        v(kAlpha, "k_alpha", "1/s",
+          "How fast a limit may be approached, and an obstacle before the arm steers away from it; k_alpha * tick_s "
+          "must not "
+          "exceed 1. Infinite: as fast as the limits allow.")
+            .above(0)
+            .orInfinite();
+        v(gamma, "gamma", "1/s", "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+            .above(0);
+        v(objective, "objective", "torque|tool|joint|path",
+          "In what the change is kept small: torque (13), the tool's jerk, the joints' jerks, or all joints held back "
+          "alike on "
+          "the way to the desired jerks (one joint pressed against its limit then holds all).");
+        v(recovery, "recovery",
+          "Accept a start outside the limits, one that must leave them, or one too near to something, and return "
+          "within the "
+          "limits.");
+    }
 };
 
 /** Keeps position, velocity, acceleration and jerk limits in sampled time, always: a jerk is taken only
@@ -40,7 +60,6 @@ public:
     CertifiedBrakingFilter();
     ~CertifiedBrakingFilter() override;
 
-    /** Reads `k_alpha`, `gamma` and `recovery`. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are no
     numbers, for a jerk limit that is not finite and, without `recovery`, for a start that has no stop within the

@@ -50,6 +50,17 @@ private:
     JointVector target_, lower_, upper_;
 };
 
+/** The options of every law that builds on JerkIntervalFilter. */
+struct JerkIntervalOptions {
+    double gamma = 20.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(gamma, "gamma", "1/s", "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
+            .above(0);
+    }
+};
+
 /** The tick of a limit law that leaves each joint an interval of jerks and guarantees nothing. A law adds its
 intervals.
 
@@ -59,7 +70,7 @@ solution the tick is Infeasible and the joint takes the one jerk that its law na
 Real time: no allocation, lock or throw after configure(). */
 class JerkIntervalFilter : public SafetyFilter {
 public:
-    /** Reads `gamma` (gamma dt < 2) [1/s]; needs a finite jerk limit on every joint. */
+    /** Reads JerkIntervalOptions, which a law's own options include; needs a finite jerk limit on every joint. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     void reset(const MotionState& start) override;
     FilterTraits traits() const override { return {}; }
@@ -77,9 +88,9 @@ protected:
     /** @param name  the plugin's, for messages; must outlive the filter */
     explicit JerkIntervalFilter(const char* name) : name_(name) {}
 
-    /** `k_alpha`, which must not exceed 1 / tick_s: a law that may use up more than all that is left in one tick is
-    none. [1/s] */
-    static double readKAlpha(const RunSetup& setup, const Parameters& parameters);
+    /** Throws Error (BadInput) where `k_alpha` [1/s] exceeds 1 / tick_s. A law that may use up more than all that is left
+    in one tick is none. */
+    static void checkKAlpha(double kAlpha, const RunSetup& setup, const Parameters& parameters);
 
     /** What jerk and acceleration limits leave: -J <= j <= J and -A <= a + j dt <= A (in place of 22). */
     JointInterval calcHardLimits(const AxisState& state, const AxisLimits& limits) const;

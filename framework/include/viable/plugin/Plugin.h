@@ -2,9 +2,9 @@
 
 #include <cstdint>
 
+#include "viable/config/Settings.h"
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
-#include "viable/plugin/Parameters.h"
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
 

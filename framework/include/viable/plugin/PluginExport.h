@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "viable/braking/DesiredJerk.h"
+#include "viable/config/Settings.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
@@ -189,21 +190,22 @@ void destroyPlugin(void* plugin) {
 
 }  // namespace detail
 
-/** The entry for `Class`, which implements `Interface`. */
-template <class Interface, class Class, std::size_t N>
-PluginEntry makePluginEntry(const char* name, const char* summary, const ParameterSpec (&parameters)[N]) {
-    return {detail::kindOf<Interface>(),      name, summary, parameters, N, &detail::createPlugin<Interface, Class>,
-            &detail::destroyPlugin<Interface>};
-}
-template <class Interface, class Class, std::size_t N>
-PluginEntry makePluginEntry(const char* name, const char* summary, const std::array<ParameterSpec, N>& parameters) {
-    return {
-        detail::kindOf<Interface>(),      name, summary, parameters.data(), N, &detail::createPlugin<Interface, Class>,
-        &detail::destroyPlugin<Interface>};
-}
-template <class Interface, class Class>
-PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_t) {
-    return {detail::kindOf<Interface>(),      name, summary, nullptr, 0, &detail::createPlugin<Interface, Class>,
+/** The options of a plugin that has none. */
+struct NoOptions {
+    template <class V>
+    void describe(V&) {}
+};
+
+/** The entry for `Class`, which implements `Interface` and reads `Options`. */
+template <class Interface, class Class, class Options>
+PluginEntry makePluginEntry(const char* name, const char* summary) {
+    const std::vector<ParameterSpec>& parameters = settingsOf<Options>();
+    return {detail::kindOf<Interface>(),
+            name,
+            summary,
+            parameters.data(),
+            parameters.size(),
+            &detail::createPlugin<Interface, Class>,
             &detail::destroyPlugin<Interface>};
 }
 
@@ -211,17 +213,17 @@ PluginEntry makePluginEntry(const char* name, const char* summary, std::nullptr_
 
 #define VIABLE_PLUGIN_VISIBLE __attribute__((visibility("default")))
 
-/** Makes the library a plugin: once per library, outside any namespace. `parameters` is an array of
-viable::ParameterSpec with static lifetime (or what joinParameters() makes), or nullptr.
-    VIABLE_PLUGIN(viable::SafetyFilter, TosbpFilter, "tosbp", "Keeps ...", kParameters) */
-#define VIABLE_PLUGIN(Interface, Class, name, summary, parameters)                                                     \
-    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {                            \
-        static const viable::PluginEntry entry = viable::makePluginEntry<Interface, Class>(name, summary, parameters); \
-        static const viable::PluginLibrary library = {viable::kPluginMagic,                                            \
-                                                      sizeof(viable::PluginLibrary),                                   \
-                                                      viable::makeAbiStamp(),                                          \
-                                                      sizeof(viable::PluginEntry),                                     \
-                                                      1,                                                               \
-                                                      &entry};                                                         \
-        return &library;                                                                                               \
+/** Makes the library a plugin: once per library, outside any namespace. `Options` is a struct with describe() (see
+config/Settings.h); without any: viable::NoOptions.
+    VIABLE_PLUGIN(viable::SafetyFilter, TosbpFilter, "tosbp", "Keeps ...", TosbpOptions) */
+#define VIABLE_PLUGIN(Interface, Class, name, summary, Options)                                                     \
+    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {                         \
+        static const viable::PluginEntry entry = viable::makePluginEntry<Interface, Class, Options>(name, summary); \
+        static const viable::PluginLibrary library = {viable::kPluginMagic,                                         \
+                                                      sizeof(viable::PluginLibrary),                                \
+                                                      viable::makeAbiStamp(),                                       \
+                                                      sizeof(viable::PluginEntry),                                  \
+                                                      1,                                                            \
+                                                      &entry};                                                      \
+        return &library;                                                                                            \
     }

@@ -91,14 +91,6 @@ std::filesystem::path findRobot(const std::string& name, const std::vector<std::
 /** All robots in the search path; of two with one name the first. */
 std::vector<std::filesystem::path> listRobots(const std::vector<std::filesystem::path>& searchPath);
 
-/** Reads a `limits` block over `base`: each of position_rad, velocity_radps, acceleration_radps2
-and jerk_radps3 replaces that quantity, in one of the forms
-    3 | [1, 2, 3]                                 both sides, symmetric about zero
-    {lower: -1 | [...], upper: 2 | [...]}         each side
-    {center: [...], half_range: [...]}            position only
-and allow_large_angles: true accepts position limits beyond 4 pi. Does not call checkLimits. */
-JointLimits readLimits(const ConfigNode& block, const JointLimits& base, bool& allowLargeAngles);
-
 /** The description with a point mass fixed to the tool frame. @param offset  in the tool frame [m] */
 RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset);
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <random>
 
+#include "viable/config/Settings.h"
 #include "viable/core/JointTypes.h"
-#include "viable/plugin/Parameters.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotDescription.h"
@@ -15,12 +15,42 @@ namespace viable {
 /** The ticks whose beginning lies in [from_s, until_s). */
 class TickWindow {
 public:
-    /** Throws Error (BadInput) at the parameter `until` unless it is after `from`. */
-    static TickWindow read(const Parameters& parameters, const char* from, const char* until, double tick_s);
+    /** Throws Error (BadInput) at the parameter `<what>_until_s` unless it is after `<what>_from_s`. */
+    static TickWindow make(double from_s, double until_s, double tick_s, const Parameters& parameters,
+                           const std::string& what);
     bool contains(std::int64_t tick) const { return tick >= first && tick < end; }
 
     std::int64_t first = 0;
     std::int64_t end = 0;
+};
+
+/** What goes wrong with one position reading. */
+enum class SensorFault : unsigned char { None, Stuck, Bias, Sign, Spike, Swap, Wrap, Nan };
+
+struct JointSensorOptions {
+    Encoder encoder = Encoder::Counts;
+    double noise_rad = 0.0;
+    std::uint64_t seed = 1;
+    SensorFault fault = SensorFault::None;
+    int faultJoint = 0;
+    double faultFrom_s = 0.0, faultUntil_s = kInfinity, fault_rad = 0.0;
+
+    template <class V>
+    void describe(V& v) {
+        v(encoder, "encoder", "robot|exact",
+          "robot: positions in whole counts, velocity by their difference over a tick; exact: the truth.");
+        v(noise_rad, "encoder_noise_rad", "rad", "Standard deviation of the position reading; cut at 4 of them.")
+            .atLeast(0);
+        v(seed, "seed", "Of the reading noise: same seed, same readings.").atLeast(0);
+        v(fault, "sensor_fault", "none|stuck|bias|sign|spike|swap|wrap|nan",
+          "What goes wrong with one position reading: it stays, is offset, negated, offset once, exchanged with the "
+          "next "
+          "joint's, a turn too large, or NaN.");
+        v(faultJoint, "sensor_fault_joint", "At which joint, counted from 0.").atLeast(0).upTo(kMaxJoints - 1);
+        v(faultFrom_s, "sensor_fault_from_s", "s", "From when.").atLeast(0);
+        v(faultUntil_s, "sensor_fault_until_s", "s", "To when.").atLeast(0).orInfinite();
+        v(fault_rad, "sensor_fault_rad", "rad", "Size of a bias or spike.");
+    }
 };
 
 /** The position sensors of a simulated arm: whole counts, noise, and one faulty channel.
@@ -36,8 +66,9 @@ deviations, so that it has a bound. The fault then acts on the readings, and so 
 Real time: no allocation, lock or throw after configure(). */
 class JointSensors {
 public:
-    /** Throws Error (BadInput) for a fault on a joint that the robot has not. */
-    void configure(const RobotDescription& robot, double tick_s, const Parameters& parameters);
+    /** Throws Error (BadInput) for a fault on a joint that the robot has not. @param parameters  where `options` were written */
+    void configure(const RobotDescription& robot, double tick_s, const JointSensorOptions& options,
+                   const Parameters& parameters);
 
     /** The reading at t = 0, with the velocity as it is. */
     void reset(const JointState& truth);
@@ -47,11 +78,9 @@ public:
 
     const JointState& measured() const { return measured_; }
     /** As the parameter `encoder` says. */
-    Encoder encoder() const { return encoder_; }
+    Encoder encoder() const { return options_.encoder; }
 
 private:
-    enum class Fault { None, Stuck, Bias, Sign, Spike, Swap, Wrap, Nan };
-
     double drawNormal();
     void takeReadings(const JointState& truth);
     void disturb(JointState& reading);
@@ -59,14 +88,9 @@ private:
     int n_ = 0;
     double tick_s_ = 0.0;
     JointVector resolution_;  // [rad]; 0: exact
-    Encoder encoder_ = Encoder::Counts;
+    JointSensorOptions options_;
     bool isVelocityExact_ = true;
-    double noise_ = 0.0;
-    std::uint64_t seed_ = 0;
     std::mt19937_64 random_;
-    Fault fault_ = Fault::None;
-    int faultJoint_ = 0;
-    double faultSize_ = 0.0;
     TickWindow faultTicks_;
 
     std::int64_t tick_ = 0;
@@ -91,9 +115,74 @@ struct FrictionLaw {
     double calcDamping(double v) const;
 };
 
+struct ArmHardwareOptions {
+    static constexpr int kMaxDelay = 20;  ///< ticks
+
+    int substeps = 1;
+    bool isFrictionless = false;
+    PerJoint frictionScale = 1.0;
+    double breakawayRatio = 1.0, stribeckVelocity = 0.02;
+    PerJoint loadFriction = 0.0;
+    double payload_kg = 0.0;
+    Eigen::Vector3d payloadOffset = Eigen::Vector3d::Zero();
+    PerJoint massFactor = 1.0;
+    Eigen::Vector2d baseTilt = Eigen::Vector2d::Zero();
+    double torqueLimitFactor = 1.0;
+    PerJoint torqueRipple = 0.0, torqueRipplePerTurn = 0.0;
+    int delayTicks = 0;
+    PerJoint push = 0.0;
+    double pushFrom_s = 0.0, pushUntil_s = kInfinity;
+    int blockedJoint = -1;
+    double blockedFrom_s = 0.0, blockedUntil_s = kInfinity;
+    JointSensorOptions sensors;
+
+    template <class V>
+    void describe(V& v) {
+        v(substeps, "substeps", "Integration steps per tick.").atLeast(1).upTo(1000);
+        v(isFrictionless, "friction", "robot|none", "Friction figures of the robot's actuation.yaml, or none at all.");
+        v(frictionScale, "friction_scale", "", "Factor on all friction torques, Fc and Fv1.").atLeast(0);
+        v(breakawayRatio, "breakaway_ratio", "",
+          "Stribeck: friction at standstill over Coulomb friction, Fs / Fc; 1 switches it off.")
+            .atLeast(1);
+        v(stribeckVelocity, "stribeck_velocity_radps", "rad/s", "vs: velocity over which that excess fades.").above(0);
+        v(loadFriction, "load_friction", "",
+          "mu: dry friction grows by this share of the torque that the gear carries.")
+            .atLeast(0)
+            .below(1);
+        v(payload_kg, "payload_kg", "kg", "Point mass at the tool that the nominal model does not know.")
+            .atLeast(0)
+            .upTo(1000);
+        v(payloadOffset, "payload_offset_m", "m", "Where it is, in the tool frame.");
+        v(massFactor, "mass_factor", "", "Real over nominal mass and inertia of the body behind each joint.").above(0);
+        v(baseTilt, "base_tilt_rad", "rad",
+          "The base really stands turned about its x and then its y axis: gravity comes from elsewhere.")
+            .atLeast(-1.6)
+            .upTo(1.6);
+        v(torqueLimitFactor, "torque_limit_factor", "", "Motor torque available, as a share of the robot's figure.")
+            .above(0)
+            .orInfinite();
+        v(torqueRipple, "torque_ripple_Nm", "Nm", "Amplitude of the torque ripple, at the joint.").atLeast(0);
+        v(torqueRipplePerTurn, "torque_ripple_per_turn", "",
+          "Its periods per joint turn; 0: two per motor turn, as strain wave gears have.")
+            .atLeast(0);
+        v(delayTicks, "delay_ticks", "Ticks from a torque command to the motor.").atLeast(0).upTo(kMaxDelay);
+        v(push, "push_Nm", "Nm", "Torque of the surroundings on each joint, seen by the torque sensors.")
+            .atLeast(-1e6)
+            .upTo(1e6);
+        v(pushFrom_s, "push_from_s", "s", "From when.").atLeast(0);
+        v(pushUntil_s, "push_until_s", "s", "To when.").atLeast(0).orInfinite();
+        v(blockedJoint, "blocked_joint", "A joint that blocks as by a brake, counted from 0; -1: none.")
+            .atLeast(-1)
+            .upTo(kMaxJoints - 1);
+        v(blockedFrom_s, "blocked_from_s", "s", "From when.").atLeast(0);
+        v(blockedUntil_s, "blocked_until_s", "s", "To when.").atLeast(0).orInfinite();
+        sensors.describe(v);
+    }
+};
+
 /** What a simulated arm has around its rigid bodies, the same for every engine: motors, friction figures, pushes, a
-joint that blocks, sensors; and the description of the arm that is really there (masses, payload, base). A plant splices
-kArmHardwareParameters into its own table (joinParameters) and asks, in this order: once configure() and reset(); per
+joint that blocks, sensors; and the description of the arm that is really there (masses, payload, base). A plant describes
+ArmHardwareOptions among its own and asks, in this order: once configure() and reset(); per
 tick
 calcApplied(), per sub-step calcMotorTorque() and friction(), then endTick() where the tick succeeded.
 
@@ -102,10 +191,11 @@ A sin(p q), p periods per joint turn (prismatic: per metre).
 Real time: no allocation, lock or throw after configure(). */
 class ArmHardware {
 public:
-    static constexpr int kMaxDelay = 20;  ///< ticks
+    static constexpr int kMaxDelay = ArmHardwareOptions::kMaxDelay;
 
-    /** Throws Error (BadInput) for joints that the robot has not and windows that end before they begin. */
-    void configure(const RunSetup& setup, const Parameters& parameters);
+    /** Throws Error (BadInput) for joints that the robot has not and windows that end before they begin.
+    @param parameters  where `options` were written */
+    void configure(const RunSetup& setup, const ArmHardwareOptions& options, const Parameters& parameters);
 
     /** The arm with its real masses and payload, gravity as its tilted base sees it. */
     const RobotDescription& robot() const { return robot_; }
@@ -159,71 +249,5 @@ private:
 dampings
 as weights the fastest rate [1/s], with stiffnesses the square of the fastest frequency [1/s^2]. Takes some ms. */
 double findFastestMode(const RobotDescription& robot, const JointVector& weight);
-
-inline constexpr ParameterSpec kArmHardwareParameters[] = {
-    parameter::integer("substeps", "1", "Integration steps per tick.").atLeast(1).upTo(1000),
-    parameter::choice("friction", "robot|none", "robot",
-                      "Friction figures of the robot's actuation.yaml, or none at all."),
-    parameter::jointNumbers("friction_scale", "", "1.0", "Factor on all friction torques, Fc and Fv1.").atLeast(0),
-    parameter::number("breakaway_ratio", "", "1.0",
-                      "Stribeck: friction at standstill over Coulomb friction, Fs / Fc; 1 switches it "
-                      "off.")
-        .atLeast(1),
-    parameter::number("stribeck_velocity_radps", "rad/s", "0.02", "vs: velocity over which that excess fades.")
-        .above(0),
-    parameter::jointNumbers("load_friction", "", "0.0",
-                            "mu: dry friction grows by this share of the torque that the gear carries.")
-        .atLeast(0)
-        .below(1),
-    parameter::number("payload_kg", "kg", "0.0", "Point mass at the tool that the nominal model does not know.")
-        .atLeast(0)
-        .upTo(1000),
-    parameter::numbers("payload_offset_m", "m", 3, 3, "[0, 0, 0]", "Where it is, in the tool frame."),
-    parameter::jointNumbers("mass_factor", "", "1.0",
-                            "Real over nominal mass and inertia of the body behind each joint.")
-        .above(0),
-    parameter::numbers("base_tilt_rad", "rad", 2, 2, "[0, 0]",
-                       "The base really stands turned about its x and then its y axis: gravity "
-                       "comes from elsewhere.")
-        .atLeast(-1.6)
-        .upTo(1.6),
-    parameter::number("torque_limit_factor", "", "1.0", "Motor torque available, as a share of the robot's figure.")
-        .above(0)
-        .orInfinite(),
-    parameter::jointNumbers("torque_ripple_Nm", "Nm", "0.0", "Amplitude of the torque ripple, at the joint.")
-        .atLeast(0),
-    parameter::jointNumbers("torque_ripple_per_turn", "", "0",
-                            "Its periods per joint turn; 0: two per motor turn, as strain wave gears have.")
-        .atLeast(0),
-    parameter::integer("delay_ticks", "0", "Ticks from a torque command to the motor.")
-        .atLeast(0)
-        .upTo(ArmHardware::kMaxDelay),
-    parameter::jointNumbers("push_Nm", "Nm", "0.0",
-                            "Torque of the surroundings on each joint, seen by the torque sensors.")
-        .atLeast(-1e6)
-        .upTo(1e6),
-    parameter::number("push_from_s", "s", "0.0", "From when.").atLeast(0),
-    parameter::number("push_until_s", "s", ".inf", "To when.").atLeast(0).orInfinite(),
-    parameter::integer("blocked_joint", "-1", "A joint that blocks as by a brake, counted from 0; -1: none.")
-        .atLeast(-1)
-        .upTo(kMaxJoints - 1),
-    parameter::number("blocked_from_s", "s", "0.0", "From when.").atLeast(0),
-    parameter::number("blocked_until_s", "s", ".inf", "To when.").atLeast(0).orInfinite(),
-    parameter::choice("encoder", "robot|exact", "robot",
-                      "robot: positions in whole counts, velocity by their difference over a tick; "
-                      "exact: the truth."),
-    parameter::number("encoder_noise_rad", "rad", "0.0",
-                      "Standard deviation of the position reading; cut at 4 of them.")
-        .atLeast(0),
-    parameter::integer("seed", "1", "Of the reading noise: same seed, same readings.").atLeast(0),
-    parameter::choice("sensor_fault", "none|stuck|bias|sign|spike|swap|wrap|nan", "none",
-                      "What goes wrong with one position reading: it stays, is offset, negated, "
-                      "offset once, exchanged "
-                      "with the next joint's, a turn too large, or NaN."),
-    parameter::integer("sensor_fault_joint", "0", "At which joint, counted from 0.").atLeast(0).upTo(kMaxJoints - 1),
-    parameter::number("sensor_fault_from_s", "s", "0.0", "From when.").atLeast(0),
-    parameter::number("sensor_fault_until_s", "s", ".inf", "To when.").atLeast(0).orInfinite(),
-    parameter::number("sensor_fault_rad", "rad", "0.0", "Size of a bias or spike."),
-};
 
 }  // namespace viable

@@ -8,14 +8,27 @@ namespace viable {
 
 class ArmRecursion;
 
+struct MotorRateOptions {
+    PerJoint rate = kInfinity;
+
+    template <class V>
+    void describe(V& v) {
+        v(rate, "motor_rate_Nmps", "Nm/s",
+          "Fastest change of a motor's torque, from what holds the nominal arm at the start.")
+            .above(0)
+            .orInfinite();
+    }
+};
+
 /** How fast the motors of a simulated arm can change their torque: as robots do that cut faster changes off
-(TorqueConvention::torqueRate). A plant splices kMotorRateParameters into its table beside kArmHardwareParameters, and per
-tick cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. It tells the host (PlantTraits::motorRate):
+(TorqueConvention::torqueRate). A plant has MotorRateOptions beside ArmHardwareOptions, and per tick
+cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. It tells the host (PlantTraits::motorRate):
 the robust loop learns it, and the summary counts the ticks in which it acted.
 Real time: no allocation, lock or throw after configure(). */
 class MotorRate {
 public:
-    void configure(const RunSetup& setup, const Parameters& parameters);
+    /** @param torqueLimitFactor  as ArmHardwareOptions has it */
+    void configure(const RunSetup& setup, const MotorRateOptions& options, double torqueLimitFactor);
     /** [Nm/s] */
     const JointVector& rate() const { return rate_; }
     /** The motors hold the nominal arm at rest at q, as far as their limits let them. */
@@ -30,13 +43,6 @@ private:
     JointVector rate_;                         // [Nm/s]
     JointVector largestStep_, last_;           // [Nm]
     JointVector torqueLimit_;                  // as ArmHardware has it [Nm]
-};
-
-inline constexpr ParameterSpec kMotorRateParameters[] = {
-    parameter::jointNumbers("motor_rate_Nmps", "Nm/s", ".inf",
-                            "Fastest change of a motor's torque, from what holds the nominal arm at the start.")
-        .above(0)
-        .orInfinite(),
 };
 
 }  // namespace viable

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <filesystem>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "viable/core/JointTypes.h"
 #include "viable/plugin/RobustLoop.h"
@@ -26,6 +28,36 @@ struct NricOptions {
     PerJoint motorRate = std::numeric_limits<double>::infinity();
     /** Fed forward at the nominal velocity; see scaleFriction(). */
     FrictionFeed friction = {};
+};
+
+/** The settings of the plugin: gains follow from the arm where they are not given. */
+struct NricSettings {
+    std::optional<PerJoint> kr, kp, ki;
+    PerJoint integralLimit = NricOptions().integralLimit, torqueRate = NricOptions().torqueRate;
+    PerJoint motorRate = NricOptions().motorRate;
+    PerJoint frictionScale = 0.0;
+    std::filesystem::path frictionFile;
+
+    template <class V>
+    void describe(V& v) {
+        v(kr, "k_r", "Nms/rad", "Gain on the whole error term; auto: what the arm can carry.").atLeast(0).orAuto();
+        v(kp, "k_p", "1/s", "Weight of the position error; auto: as k_r and the arm allow.").atLeast(0).orAuto();
+        v(ki, "k_i", "1/s^2", "Weight of the integral of the position error; likewise.").atLeast(0).orAuto();
+        v(integralLimit, "integral_limit_Nm", "Nm",
+          "Largest torque of the integral, k_r k_i |integral|; the motor's limit where that is less.")
+            .above(0)
+            .orInfinite();
+        v(torqueRate, "torque_rate_Nmps", "Nm/s", "Fastest change of the loop's torque.").above(0).orInfinite();
+        v(motorRate, "motor_rate_Nmps", "Nm/s",
+          "Fastest change of the motor's whole torque, the filter's and the loop's; no tracking bound covers it.")
+            .above(0)
+            .orInfinite();
+        v(frictionScale, "friction_scale", "",
+          "Factor on the friction figures that are fed forward at the nominal velocity; 0: none.")
+            .atLeast(0);
+        v(frictionFile, "friction_file",
+          "Those figures: an actuation.yaml, as of `viable identify`; the robot's own when empty.");
+    }
 };
 
 /** The feed-forward of `figures` times `scale`, one number per joint. The Coulomb part passes zero in the kFeedTicks ticks
@@ -74,8 +106,7 @@ tau_c; zero as long as e, de and the friction fed forward are.
 Real time: no allocation, lock or throw after configure(). */
 class Nric : public RobustLoop {
 public:
-    /** Reads `k_r`, `k_p`, `k_i`, `integral_limit_Nm`, `torque_rate_Nmps`, `motor_rate_Nmps`, `friction_scale` and
-    `friction_file`; gains that are `auto` by scaleGains(). */
+    /** Reads NricSettings; gains that are `auto` by scaleGains(). */
     void configure(const RunSetup& setup, const Parameters& parameters) override;
     /** The same without an experiment file. Throws Error (BadInput) for options of the wrong number, gains
     below 0 or not finite, and bounds that are not above 0. */

@@ -8,6 +8,7 @@
 #include "core/Complaints.h"
 #include "robot/LinkShapes.h"
 #include "robot/urdf/UrdfDocument.h"
+#include "viable/robot/RobotDescription.h"
 
 namespace viable::detail {
 

@@ -4,12 +4,14 @@
 #include <string>
 #include <vector>
 
-#include "viable/plugin/Parameters.h"
+#include "viable/config/Settings.h"
 
 namespace viable::detail {
 
 /** "number", "whole number", "number or list with one per joint", ...: for messages. */
 const char* getTypeName(ParameterType type);
+/** "number", "integer", "joint_numbers", ...: for programs. */
+const char* getTypeWord(ParameterType type);
 
 /** The names in "a|b|c". */
 std::vector<std::string> splitChoices(const char* choices);

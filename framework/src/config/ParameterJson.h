@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "viable/plugin/Parameters.h"
+#include "viable/config/Settings.h"
 
 namespace viable::detail {
 
@@ -17,5 +17,8 @@ Json describeAsJson(const ParameterSpec& spec);
 /** JSON Schema of the parameter's value in an experiment file. Never refuses what the reader takes; not seen by it are
 quotes around numbers, unbalanced parentheses and the range of expressions. */
 Json makeSchema(const ParameterSpec& spec);
+
+/** A map with these entries at most. */
+Json makeObjectSchema(const Json& properties);
 
 }  // namespace viable::detail

@@ -1,14 +1,16 @@
-#include "viable/plugin/Parameters.h"
+#include "viable/config/Settings.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <system_error>
 
 #include "config/ConfigText.h"
+#include "config/ParameterText.h"
 #include "core/Complaints.h"
 #include "core/Text.h"
-#include "plugin/ParameterText.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -26,28 +28,81 @@ std::int64_t toInt64(double bound) {
 
 namespace detail {
 
+std::string writeSetting(double value) {
+    return std::isinf(value) ? (value > 0.0 ? ".inf" : "-.inf") : formatNumber(value);
+}
+
+std::string writeSetting(const std::vector<double>& value) {
+    std::vector<std::string> items;
+    for (const double number : value) items.push_back(writeSetting(number));
+    return "[" + join(items) + "]";
+}
+
+std::string writeSetting(const PerJoint& value) {
+    if (value.count() == 1) return writeSetting(value[0]);
+    const JointVector all = value.expand(value.count());
+    return writeSetting(std::vector<double>(all.begin(), all.end()));
+}
+
+std::string writeSetting(const std::vector<std::vector<double>>& value) {
+    std::vector<std::string> items;
+    for (const std::vector<double>& row : value) items.push_back(writeSetting(row));
+    return "[" + join(items) + "]";
+}
+
+std::string getWord(const char* words, int index) {
+    return splitChoices(words).at(static_cast<std::size_t>(index));
+}
+
+bool isEmpty(const SettingValue& value) {
+    const auto* joints = std::get_if<JointVector>(&value);
+    const auto* numbers = std::get_if<std::vector<double>>(&value);
+    return (joints && joints->size() == 0) || (numbers && numbers->empty());
+}
+
+int findWord(const char* words, const std::string& word) {
+    const std::vector<std::string> all = splitChoices(words);
+    return static_cast<int>(std::find(all.begin(), all.end(), word) - all.begin());
+}
+
+namespace {
+
+struct TypeNames {
+    const char *name, *word;
+};
+/** In the order of ParameterType. */
+constexpr TypeNames kTypes[] = {
+    {"number", "number"},
+    {"whole number", "integer"},
+    {"true or false", "flag"},
+    {"choice", "choice"},
+    {"text", "text"},
+    {"file", "file"},
+    {"number or list with one per joint", "joint_numbers"},
+    {"list of numbers", "numbers"},
+    {"list of lists of numbers", "rows"},
+    {"list of texts", "texts"},
+    {"number or list with one per joint, or {lower, upper}", "bounds"},
+    {"number or list with one per joint, {lower, upper} or {center, half_range}", "positions"},
+    {"block", "block"},
+    {"list of blocks", "blocks"},
+    {"blocks by name", "named"},
+};
+
+/** A plugin may have been built with types that are not known here. */
+const TypeNames& getNames(ParameterType type) {
+    static constexpr TypeNames kUnknown = {"unknown", "unknown"};
+    const auto i = static_cast<std::size_t>(type);
+    return i < std::size(kTypes) ? kTypes[i] : kUnknown;
+}
+
+}  // namespace
+
 const char* getTypeName(ParameterType type) {
-    switch (type) {
-        case ParameterType::Number:
-            return "number";
-        case ParameterType::Integer:
-            return "whole number";
-        case ParameterType::Flag:
-            return "true or false";
-        case ParameterType::Choice:
-            return "choice";
-        case ParameterType::Text:
-            return "text";
-        case ParameterType::File:
-            return "file";
-        case ParameterType::JointNumbers:
-            return "number or list with one per joint";
-        case ParameterType::Numbers:
-            return "list of numbers";
-        case ParameterType::Rows:
-            return "list of lists of numbers";
-    }
-    return "unknown";
+    return getNames(type).name;
+}
+const char* getTypeWord(ParameterType type) {
+    return getNames(type).word;
 }
 
 std::vector<std::string> splitChoices(const char* choices) {
@@ -91,8 +146,9 @@ bool hasText(const char* text) {
     return text && *text;
 }
 
-bool isTextual(ParameterType type) {
-    return type == ParameterType::Text || type == ParameterType::Choice || type == ParameterType::File;
+/** An empty text is one, too. */
+bool isFreeText(ParameterType type) {
+    return type == ParameterType::Text || type == ParameterType::File;
 }
 
 std::string nameWithUnit(const ParameterSpec& spec) {
@@ -103,7 +159,7 @@ std::string nameWithUnit(const ParameterSpec& spec) {
 ConfigNode makeDefault(const ParameterSpec& spec, const ConfigNode& block) {
     const std::string keyPath = detail::joinKeyPath(block.keyPath, spec.name);
     const std::string file = std::string("default of ") + spec.name;
-    if (isTextual(spec.type) && !*spec.defaultText) {
+    if (isFreeText(spec.type) && !*spec.defaultText) {
         ConfigNode node;
         node.kind = ConfigNode::Kind::Scalar;
         node.quoted = true;
@@ -173,6 +229,34 @@ std::vector<std::vector<double>> toRows(const ConfigNode& node, const ParameterS
     return rows;
 }
 
+JointBounds toBounds(const ConfigNode& node, const ParameterSpec& spec, int n) {
+    const NumberRange positive = spec.range();
+    NumberRange lowerSide, upperSide;
+    lowerSide.mayBeInfinite = upperSide.mayBeInfinite = spec.mayBeInfinite;
+    const bool isPosition = spec.type == ParameterType::Positions;
+    if (!isPosition) {
+        lowerSide.max = upperSide.min = 0.0;
+        lowerSide.maxIsOpen = upperSide.minIsOpen = true;
+    }
+    if (node.kind != ConfigNode::Kind::Map) {
+        const JointVector size = toJointVector(node, n, positive);
+        return {-size, size};
+    }
+    ConfigMap map(node);
+    const bool isCentered = isPosition && (node.find("center") || node.find("half_range"));
+    const char* const first = isCentered ? "center" : "lower";
+    const char* const second = isCentered ? "half_range" : "upper";
+    if (isPosition && !isCentered)  // they are known, too
+        for (const char* key : {"center", "half_range"}) map.find(key);
+    map.find(first);
+    map.find(second);
+    map.finish();  // a misspelt key explains a missing one
+    const ConfigNode &one = map.require(first), &other = map.require(second);
+    if (!isCentered) return {toJointVector(one, n, lowerSide), toJointVector(other, n, upperSide)};
+    const JointVector middle = toJointVector(one, n), half = toJointVector(other, n, positive);
+    return {middle - half, middle + half};
+}
+
 [[noreturn]] void failPlugin(const std::string& where, const std::string& what) {
     throw Error(ErrorKind::PluginFailed, where, what,
                 "This is a mistake in the plugin's code: correct its parameter table");
@@ -191,81 +275,7 @@ void checkSpecs(const ParameterSpec* specs, std::size_t count, const std::string
     }
 }
 
-template <class T>
-const char* getValueName();
-template <>
-const char* getValueName<double>() {
-    return "Number";
-}
-template <>
-const char* getValueName<std::int64_t>() {
-    return "Integer";
-}
-template <>
-const char* getValueName<bool>() {
-    return "Flag";
-}
-template <>
-const char* getValueName<std::string>() {
-    return "Text or Choice";
-}
-template <>
-const char* getValueName<std::filesystem::path>() {
-    return "File";
-}
-template <>
-const char* getValueName<JointVector>() {
-    return "JointNumbers";
-}
-template <>
-const char* getValueName<std::vector<double>>() {
-    return "Numbers";
-}
-template <>
-const char* getValueName<std::vector<std::vector<double>>>() {
-    return "Rows";
-}
-
 }  // namespace
-
-template <class T>
-const T& Parameters::get(const char* name) const {
-    const auto entry = values_.find(name);
-    if (entry == values_.end()) {
-        failPlugin(resolved_.place(),
-                   "the plugin asks for the parameter `" + std::string(name) + "`, which it does not declare");
-    }
-    if (const T* value = std::get_if<T>(&entry->second)) return *value;
-    const char* declared =
-        std::visit([](const auto& v) { return getValueName<std::decay_t<decltype(v)>>(); }, entry->second);
-    failPlugin(resolved_.place(), "the plugin asks for the parameter `" + std::string(name) + "` as " +
-                                      getValueName<T>() + ", but declares it as " + declared);
-}
-
-double Parameters::number(const char* name) const {
-    return get<double>(name);
-}
-std::int64_t Parameters::integer(const char* name) const {
-    return get<std::int64_t>(name);
-}
-bool Parameters::flag(const char* name) const {
-    return get<bool>(name);
-}
-const std::string& Parameters::text(const char* name) const {
-    return get<std::string>(name);
-}
-const std::filesystem::path& Parameters::file(const char* name) const {
-    return get<std::filesystem::path>(name);
-}
-const JointVector& Parameters::jointNumbers(const char* name) const {
-    return get<JointVector>(name);
-}
-const std::vector<double>& Parameters::numbers(const char* name) const {
-    return get<std::vector<double>>(name);
-}
-const std::vector<std::vector<double>>& Parameters::rows(const char* name) const {
-    return get<std::vector<std::vector<double>>>(name);
-}
 
 const std::string& Parameters::place(const char* name) const {
     const auto entry = places_.find(name);
@@ -299,10 +309,9 @@ void checkWord(const ConfigNode& node, const ParameterSpec& spec) {
                                                                  : "a list of numbers."));
 }
 
-/** @tparam Value  that of Parameters. @param node  as written, or the default. @param folderOf  see toFile() */
-template <class Value>
-Value readValue(const ConfigNode& node, const ConfigNode& folderOf, const ParameterSpec& spec, int jointCount,
-                const std::string& where) {
+/** @param node  as written, or the default. @param folderOf  see toFile() */
+SettingValue readValue(const ConfigNode& node, const ConfigNode& folderOf, const ParameterSpec& spec, int jointCount,
+                       const std::string& where) {
     switch (spec.type) {
         case ParameterType::Number:
             return toNumber(node, spec.range());
@@ -325,18 +334,32 @@ Value readValue(const ConfigNode& node, const ConfigNode& folderOf, const Parame
                                       : toNumbers(node, spec.minCount, spec.maxCount, spec.range());
         case ParameterType::Rows:
             return toRows(node, spec);
+        case ParameterType::Texts: {
+            if (node.kind != ConfigNode::Kind::List)
+                throw badInput(node.place(), "must be a list of texts; it is " + detail::describeNode(node),
+                               "Write `" + std::string(spec.name) + ": [NAME, ...]`");
+            std::vector<std::string> texts;
+            for (const ConfigNode& item : node.items) texts.push_back(toText(item));
+            return texts;
+        }
+        case ParameterType::Bounds:
+        case ParameterType::Positions:
+            return toBounds(node, spec, jointCount);
+        default:
+            break;
     }
     failPlugin(where, "the plugin declares the parameter `" + std::string(spec.name) + "` with an unknown type");
 }
 
-Error describeMissing(const ConfigNode& block, const ParameterSpec& spec) {
+/** @param what  is missing */
+Error describeMissing(const ConfigNode& block, const ParameterSpec& spec, const std::string& what) {
     std::string help = hasText(spec.help) ? spec.help : "no help";
     if (help.back() == '.') help.pop_back();  // the message sets its own
     const bool isChosen = isChosenByOverride(block);
     const std::string entry = isChosen
                                   ? detail::kOverrideFile + (" " + detail::joinKeyPath(block.keyPath, spec.name)) + "="
                                   : std::string(spec.name) + ": ";
-    return badInput(describePlace(block), nameWithUnit(spec) + " is missing: " + help,
+    return badInput(describePlace(block), what + " is missing: " + help,
                     "Add `" + entry + "...` (" + getTypeName(spec.type) + ")" + (isChosen ? "" : " here"));
 }
 
@@ -351,6 +374,7 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     const bool isKnown = complaints.gather([&] { map.finish(); });
 
     Parameters parameters;
+    parameters.jointCount_ = jointCount;
     ConfigNode& resolved = parameters.resolved_;
     resolved.kind = ConfigNode::Kind::Map;
     resolved.file = block.file;
@@ -364,16 +388,15 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
         const ConfigNode* written = block.find(spec.name);
         const bool isMissing = !written && !spec.defaultText;
         if (isMissing && !isKnown) continue;  // the misspelt key explains it
+        if (!written && spec.defaultText && !*spec.defaultText && !isFreeText(spec.type)) continue;  // none
         complaints.gather([&] {
-            if (isMissing) throw describeMissing(block, spec);
+            if (isMissing) throw describeMissing(block, spec, nameWithUnit(spec));
             ConfigNode node = written ? *written : makeDefault(spec, block);
-            auto value =
-                readValue<Parameters::Value>(node, written ? *written : block, spec, jointCount, block.place());
+            const SettingValue value = readValue(node, written ? *written : block, spec, jointCount, block.place());
             if (spec.type == ParameterType::File) {  // the resolved block must mean the same from any folder
                 node.text = std::get<std::filesystem::path>(value).string();
                 node.quoted = true;
             }
-            parameters.values_.emplace(spec.name, std::move(value));
             parameters.places_.emplace(spec.name, written ? written->place() : describePlace(block));
             resolved.entries.emplace_back(spec.name, node);
         });
@@ -382,48 +405,76 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     return parameters;
 }
 
-std::string describeParameters(const ParameterSpec* specs, std::size_t count) {
-    if (count == 0) return "  (no parameters)\n";
-    std::string text;
-    for (std::size_t i = 0; i < count; ++i) {
-        const ParameterSpec& spec = specs[i];
-        text += "  " + std::string(hasText(spec.name) ? spec.name : "(no name)");
-        if (hasText(spec.unit)) text += " [" + std::string(spec.unit) + "]";
-        text += std::string(": ") + getTypeName(spec.type);
-        switch (spec.type) {
-            case ParameterType::Choice: {
-                std::string names;
-                for (const std::string& name : splitChoices(spec.choices)) {
-                    names += (names.empty() ? " of " : ", ") + name;
-                }
-                text += names;
-                break;
-            }
-            case ParameterType::Integer:
-                text += " in [" + std::to_string(getSmallest(spec)) + ", " + std::to_string(getLargest(spec)) + "]";
-                break;
-            case ParameterType::Numbers:
-            case ParameterType::Rows:
-                text += " (" + std::to_string(spec.minCount);
-                if (spec.maxCount != spec.minCount) text += " to " + std::to_string(spec.maxCount);
-                text += spec.type == ParameterType::Rows ? " per row)" : ")";
-                [[fallthrough]];
-            case ParameterType::Number:
-            case ParameterType::JointNumbers:
-                text += " in " + spec.range().text();
-                for (const std::string& word : getWords(spec)) text += ", or " + word;
-                break;
-            default:
-                break;
-        }
-        if (!spec.defaultText) {
-            text += "; required";
-        } else {
-            text += "; default " + (*spec.defaultText ? std::string(spec.defaultText) : "\"\"");
-        }
-        text += "\n      " + std::string(spec.help ? spec.help : "") + "\n";
+void SettingList::fill(const ConfigNode& block, int jointCount) const {
+    for (std::size_t i = 0; i < specs_.size(); ++i) {
+        const ParameterSpec& spec = specs_[i];
+        const ConfigNode* node = block.find(spec.name);
+        if (!node && spec.defaultText && !*spec.defaultText) continue;
+        if (!node)
+            failPlugin(block.place(),
+                       "the plugin asks for the parameter `" + std::string(spec.name) + "`, which it does not declare");
+        targets_[i].assign(targets_[i].member, readValue(*node, *node, spec, jointCount, block.place()), spec);
     }
-    return text;
+}
+
+void SettingList::readNested(const ParameterSpec& spec, const Target& target, const ConfigNode& node,
+                             int jointCount) const {
+    detail::Complaints complaints;
+    const auto readOne = [&](const ConfigNode& block, const std::string& name) {
+        complaints.gather([&] { target.readInner(target.member, &block, name, jointCount); });
+    };
+    std::string keys;
+    for (const ParameterSpec& inner : spec.inner()) detail::addItem(keys, inner.name);
+    const std::string name = spec.name;
+    const auto checkCount = [&](std::size_t count) {
+        if (spec.maxCount > 0 && count > static_cast<std::size_t>(spec.maxCount))
+            throw badInput(node.place(),
+                           "there are " + std::to_string(count) + " " + name + ", possible are up to " +
+                               std::to_string(spec.maxCount),
+                           "Up to " + std::to_string(spec.maxCount) + ": leave some out, or make one of several.");
+    };
+    if (spec.type != ParameterType::Block) target.readInner(target.member, nullptr, {}, jointCount);
+    if (spec.type == ParameterType::Block) {
+        readOne(node, {});
+    } else if (spec.type == ParameterType::Named) {
+        if (node.kind != ConfigNode::Kind::Map)
+            throw badInput(node.place(), "these are no " + name + " by name: " + name + " are entries with a name each",
+                           "Write `" + name + ": {NAME: {...}, ...}`, each of " + keys + ".");
+        checkCount(node.entries.size());
+        for (const auto& [entry, block] : node.entries) readOne(block, entry);
+    } else {
+        const auto least = static_cast<std::size_t>(spec.minCount);
+        if (node.kind != ConfigNode::Kind::List || node.items.size() < least)
+            throw badInput(node.place(),
+                           name + " must be a list" + (least > 0 ? " with at least one entry" : "") + "; it is " +
+                               detail::describeNode(node),
+                           "Write a list of {" + keys + "}.");
+        checkCount(node.items.size());
+        for (const ConfigNode& block : node.items) readOne(block, {});
+    }
+    complaints.throwIfAny(node.place());
+}
+
+void SettingList::read(const ConfigNode& block, int jointCount) const {
+    ConfigMap map(block);
+    for (const ParameterSpec& spec : specs_) map.find(spec.name);
+    detail::Complaints complaints;
+    const bool isKnown = complaints.gather([&] { map.finish(); });
+    for (std::size_t i = 0; i < specs_.size(); ++i) {
+        const ParameterSpec& spec = specs_[i];
+        const ConfigNode* const written = block.find(spec.name);
+        complaints.gather([&] {
+            if (!written && !spec.defaultText && isKnown)
+                throw describeMissing(block, spec, "the key " + quoteText(spec.name));
+            if (!written) return;  // where a key is not known, it may have been meant
+            if (spec.inner)
+                readNested(spec, targets_[i], *written, jointCount);
+            else
+                targets_[i].assign(targets_[i].member, readValue(*written, *written, spec, jointCount, block.place()),
+                                   spec);
+        });
+    }
+    complaints.throwIfAny(block.place());
 }
 
 }  // namespace viable

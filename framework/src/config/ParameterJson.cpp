@@ -1,12 +1,12 @@
-#include "plugin/ParameterJson.h"
+#include "config/ParameterJson.h"
 
 #include <charconv>
 #include <cmath>
 #include <limits>
 
 #include "config/ConfigText.h"
+#include "config/ParameterText.h"
 #include "core/JsonNumber.h"
-#include "plugin/ParameterText.h"
 #include "viable/core/Numbers.h"
 
 namespace viable::detail {
@@ -28,33 +28,13 @@ std::string getText(const char* text) {
     return text ? text : "";
 }
 
-const char* getTypeWord(ParameterType type) {
-    switch (type) {
-        case ParameterType::Number:
-            return "number";
-        case ParameterType::Integer:
-            return "integer";
-        case ParameterType::Flag:
-            return "flag";
-        case ParameterType::Choice:
-            return "choice";
-        case ParameterType::Text:
-            return "text";
-        case ParameterType::File:
-            return "file";
-        case ParameterType::JointNumbers:
-            return "joint_numbers";
-        case ParameterType::Numbers:
-            return "numbers";
-        case ParameterType::Rows:
-            return "rows";
-    }
-    return "unknown";
+bool isBounds(ParameterType type) {
+    return type == ParameterType::Bounds || type == ParameterType::Positions;
 }
 
 bool isNumeric(ParameterType type) {
     return type == ParameterType::Number || type == ParameterType::JointNumbers || type == ParameterType::Numbers ||
-           type == ParameterType::Rows;
+           type == ParameterType::Rows || isBounds(type);
 }
 
 bool isList(ParameterType type) {
@@ -130,6 +110,44 @@ Json allowWords(const ParameterSpec& spec, Json schema) {
     return {{"anyOf", Json::array({{{"enum", words}}, std::move(schema)})}};
 }
 
+Json makeJointNumbersSchema(const NumberRange& range) {
+    const Json number = makeNumberSchema(range);
+    Json schema = makeListSchema(number, 1, kMaxJoints);
+    schema.update(number);
+    schema["type"] = {"number", "string", "array"};
+    return schema;
+}
+
+/** None of a pair must be there: a case may change one side. */
+Json makeBoundsSchema(const ParameterSpec& spec) {
+    const NumberRange positive = spec.range();
+    NumberRange any, lower, upper;
+    lower.mayBeInfinite = upper.mayBeInfinite = spec.mayBeInfinite;
+    if (spec.type == ParameterType::Bounds) {
+        lower.max = upper.min = 0.0;
+        lower.maxIsOpen = upper.minIsOpen = true;
+    }
+    Json forms = Json::array(
+        {makeJointNumbersSchema(positive),
+         makeObjectSchema({{"lower", makeJointNumbersSchema(lower)}, {"upper", makeJointNumbersSchema(upper)}})});
+    if (spec.type == ParameterType::Positions)
+        forms.push_back(makeObjectSchema(
+            {{"center", makeJointNumbersSchema(any)}, {"half_range", makeJointNumbersSchema(positive)}}));
+    return {{"anyOf", forms}};
+}
+
+/** @param isWhole  its required keys must be there; not where a case may complete the block at the top */
+Json makeBlockSchema(const ParameterSpec& spec, bool isWhole) {
+    Json properties = Json::object(), required;
+    for (const ParameterSpec& inner : spec.inner()) {
+        properties[inner.name] = makeSchema(inner);
+        if (!inner.defaultText) required.push_back(inner.name);
+    }
+    Json schema = makeObjectSchema(properties);
+    if (isWhole && !required.empty()) schema["required"] = required;
+    return schema;
+}
+
 Json makeValueSchema(const ParameterSpec& spec) {
     switch (spec.type) {
         case ParameterType::Number:
@@ -157,18 +175,24 @@ Json makeValueSchema(const ParameterSpec& spec) {
         case ParameterType::File:
             // The reader takes any scalar as it is written.
             return {{"type", {"string", "number", "boolean"}}};
-        case ParameterType::JointNumbers: {
-            const Json number = makeNumberSchema(spec.range());
-            Json schema = makeListSchema(number, 1, kMaxJoints);
-            schema.update(number);
-            schema["type"] = {"number", "string", "array"};
-            return allowWords(spec, schema);
-        }
+        case ParameterType::JointNumbers:
+            return allowWords(spec, makeJointNumbersSchema(spec.range()));
         case ParameterType::Numbers:
             return allowWords(spec, makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount));
         case ParameterType::Rows:
             return makeListSchema(makeListSchema(makeNumberSchema(spec.range()), spec.minCount, spec.maxCount), 0,
                                   std::numeric_limits<int>::max());
+        case ParameterType::Texts:
+            return {{"type", "array"}, {"items", {{"type", {"string", "number", "boolean"}}}}};
+        case ParameterType::Bounds:
+        case ParameterType::Positions:
+            return makeBoundsSchema(spec);
+        case ParameterType::Block:
+            return makeBlockSchema(spec, false);
+        case ParameterType::Blocks:
+            return {{"type", "array"}, {"items", makeBlockSchema(spec, true)}};
+        case ParameterType::Named:
+            return {{"type", "object"}, {"additionalProperties", makeBlockSchema(spec, false)}};
     }
     return Json::object();  // an unknown type is the reader's to refuse
 }
@@ -182,6 +206,10 @@ bool hasInfinity(const Json& value) {
 }
 
 }  // namespace
+
+Json makeObjectSchema(const Json& properties) {
+    return {{"type", "object"}, {"properties", properties}, {"additionalProperties", false}};
+}
 
 Json makeJsonDefault(const ParameterSpec& spec) {
     if (!spec.defaultText) return nullptr;
@@ -232,12 +260,13 @@ Json makeSchema(const ParameterSpec& spec) {
     std::string text = getText(spec.help);
     if (!getText(spec.unit).empty()) text += " [" + getText(spec.unit) + "]";
     if (isNumeric(spec.type)) text += " In " + spec.range().text() + ".";
-    if (spec.type == ParameterType::JointNumbers) text += " One number for all joints, or a list.";
+    if (spec.type == ParameterType::JointNumbers || isBounds(spec.type))
+        text += " One number for all joints, or a list.";
     Json schema = {{"description", ""}};
     schema.update(makeValueSchema(spec));
-    if (!spec.defaultText) {
+    if (!spec.defaultText && !spec.inner) {
         text += " Required.";
-    } else if (*spec.defaultText) {
+    } else if (spec.defaultText && *spec.defaultText) {
         text += std::string(" Default: ") + spec.defaultText;
         const Json value = makeJsonDefault(spec);
         if (!hasInfinity(value)) schema["default"] = value;  // JSON has no infinity
