@@ -107,7 +107,7 @@ private:
             // No usable input (NaN burst) or missed ticks: the stops go on.
             if (k > 0 && random.chance(0.001)) missTicks(random.integer(1, 1000));
             const bool followsStop = k > 0 && random.chance(0.02);
-            takeTick(k, followsStop);
+            runTick(k, followsStop);
         }
         run_.addSteps(std::int64_t(ticks) * arm.n);
         for (int i = 0; i < arm.n; ++i) {
@@ -135,7 +135,7 @@ private:
         skipped_ += missed;
     }
 
-    void takeTick(int k, bool followsStop) {
+    void runTick(int k, bool followsStop) {
         Arm& arm = *arm_;
         const bool hasBarrier = arm.approach < 1.0;
         before_.clear();

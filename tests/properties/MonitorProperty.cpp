@@ -91,7 +91,7 @@ private:
                 wasSafe_ = false;
                 left = static_cast<int>(random.logUniform(20, 2000));
             }
-            if (!accused_) takeTick(random, k);
+            if (!accused_) runTick(random, k);
         }
         run_.addSteps(std::int64_t(k) * arm.n);
     }
@@ -108,7 +108,7 @@ private:
         missed_ += ticks;
     }
 
-    void takeTick(Random& random, int k) {
+    void runTick(Random& random, int k) {
         Arm& arm = *arm_;
         arm.choose(k);
         decision_.holdJerk(arm.chosen);

@@ -91,7 +91,7 @@ private:
                 begin();
                 left = static_cast<int>(random.logUniform(50, 2000));
             }
-            takeTick(k);
+            runTick(k);
         }
         end();
         run_.addSteps(std::int64_t(ticks) * arm.n);
@@ -125,7 +125,7 @@ private:
         for (int i = 0; i < arm_->n; ++i) before_.push_back(walkStop(arm_->at(i), arm_->braking.stop(i), arm_->tick_s));
     }
 
-    void takeTick(int k) {
+    void runTick(int k) {
         Arm& arm = *arm_;
         std::vector<GridStop> stops;
         for (int i = 0; i < arm.n; ++i) stops.push_back(arm.braking.stop(i));

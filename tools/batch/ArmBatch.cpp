@@ -191,7 +191,7 @@ struct ArmBatch::Impl {
         if (!options.plant.empty()) makePlants();
         const JointVector zero = JointVector::Zero(n);
         RunSetup atHome = setup;
-        detail::takeGuardStart(kArmBatch, {robot.home, zero, zero}, atHome);
+        detail::checkGuardStart(kArmBatch, {robot.home, zero, zero}, atHome);
         std::vector<int> all(count(arms));
         for (int arm = 0; arm < arms; ++arm) all[count(arm)] = arm;
         reset(all, std::vector<MotionState>(count(arms), {robot.home, zero, zero}));
@@ -561,7 +561,7 @@ void ArmBatch::Impl::stepArm(int arm, const double* actions, int substeps, Scrat
 template <class Work>
 void ArmBatch::Impl::share(int items, int chunk, std::int64_t mostThreads, const Work& work) const {
     std::atomic<int> next{0};
-    const auto takeTurns = [&] {
+    const auto runTurns = [&] {
         const UsualArithmetic usual;
         for (int begin = next.fetch_add(chunk); begin < items; begin = next.fetch_add(chunk))
             work(begin, std::min(items, begin + chunk));
@@ -573,9 +573,9 @@ void ArmBatch::Impl::share(int items, int chunk, std::int64_t mostThreads, const
     helpers.threads.reserve(thrown.size());
     try {
         for (std::exception_ptr& mine : thrown)
-            helpers.threads.emplace_back([&takeTurns, &mine] {
+            helpers.threads.emplace_back([&runTurns, &mine] {
                 try {
-                    takeTurns();
+                    runTurns();
                 } catch (...) {
                     mine = std::current_exception();
                 }
@@ -583,7 +583,7 @@ void ArmBatch::Impl::share(int items, int chunk, std::int64_t mostThreads, const
     } catch (const std::system_error&) {
         // Fewer threads do it too.
     }
-    takeTurns();
+    runTurns();
     helpers.join();
     for (const std::exception_ptr& one : thrown)
         if (one) std::rethrow_exception(one);

@@ -29,7 +29,7 @@ struct VerifyArguments {
 };
 
 /** Leaves the joints that the robot has. @param missing  is given the robot's joints that the record lacks */
-std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& record, std::string& missing) {
+std::vector<AxisLimits> readRobotLimits(const std::string& name, MotionRecord& record, std::string& missing) {
     const RobotDescription robot = loadRobot(findRobot(name, makeRobotSearchPath({}), "--limits"));
     std::vector<AxisLimits> limits;
     std::vector<MotionRecord::Joint> joints;
@@ -66,7 +66,7 @@ std::vector<AxisLimits> takeRobotLimits(const std::string& name, MotionRecord& r
 }
 
 std::vector<AxisLimits> findLimits(const VerifyArguments& arguments, MotionRecord& record, std::string& missing) {
-    if (!arguments.limits.empty()) return takeRobotLimits(arguments.limits, record, missing);
+    if (!arguments.limits.empty()) return readRobotLimits(arguments.limits, record, missing);
     std::vector<AxisLimits> limits;
     for (std::size_t i = 0; i < record.joints.size(); ++i)
         limits.push_back(

@@ -163,7 +163,7 @@ void LiveSession::changeTo(LiveState state, LiveAsker asker) {
 }
 
 /** What was asked for since the last tick, and what the loop decided itself. */
-void LiveSession::takeWishes() {
+void LiveSession::readWishes() {
     ControlLoop& loop = running_.loop();
     const unsigned word = wish_.load(std::memory_order_relaxed) == 0 ? 0 : wish_.exchange(0, std::memory_order_acq_rel);
     const auto asker = static_cast<LiveAsker>(word >> kAskerShift);
@@ -268,7 +268,7 @@ void LiveSession::publish() {
 void LiveSession::makeTicks() {
     TickPacer pacer(tick_s_);
     pacer.start();
-    for (takeWishes(); !isOver(); takeWishes()) {
+    for (readWishes(); !isOver(); readWishes()) {
         if (hasClock_) {
             makeTick(false);
             continue;
@@ -278,7 +278,7 @@ void LiveSession::makeTicks() {
         if (wakeUp.hasSlept) timing_.wakeUp.add(wakeUp.lateness_ns, tick_);
         for (std::int64_t k = 0; k < wakeUp.missed && !running_.loop().hasStopped(); ++k) {
             makeTick(true);
-            takeWishes();
+            readWishes();
         }
         makeTick(false);
     }

@@ -119,7 +119,7 @@ private:
     void request(Wish wish, LiveAsker asker) noexcept;
     void work();
     void makeTicks();
-    void takeWishes();
+    void readWishes();
     void changeTo(LiveState state, LiveAsker asker);
     bool isOver();
     void makeTick(bool isMissed);

@@ -28,7 +28,7 @@ public:
     const LogReader& reader() const { return *reader_; }
 
     /** Obstacles by hand that came since the last call, oldest first. */
-    std::vector<PlacedObstacles::Version> takePlaced() {
+    std::vector<PlacedObstacles::Version> readPlaced() {
         std::vector<PlacedObstacles::Version> all;
         for (; attached_ < reader_->attachments().size(); ++attached_) {
             const LogAttachment& attachment = reader_->attachments()[attached_];
@@ -76,7 +76,7 @@ public:
     void put(Rows& rows, const TickRecord& row) {
         SurroundingsFeed* const feed = configured_.feed.get();
         if (!feed) return;
-        for (PlacedObstacles::Version& version : rows.takePlaced()) ahead_.push_back(std::move(version));
+        for (PlacedObstacles::Version& version : rows.readPlaced()) ahead_.push_back(std::move(version));
         // An age of 0 is told where the filter did not run; a version is at least a tick old when it does.
         const double tick_s = configured_.plan.tick_s;
         const double age_s = row.reports[LimitKind::Clearance].age_s;

@@ -47,7 +47,7 @@ Error fail(const fs::path& file, const std::string& what, const std::string& rem
     return badInput(file.string(), what, remedy);
 }
 
-std::string takeText(BIO* bio) {
+std::string readText(BIO* bio) {
     char* bytes = nullptr;
     const long size = BIO_get_mem_data(bio, &bytes);
     return {bytes, static_cast<std::size_t>(size)};
@@ -138,8 +138,8 @@ bool make(const std::vector<std::string>& names, const std::string& oldKey, Cert
         PEM_write_bio_PrivateKey(keyText.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) != 1 ||
         PEM_write_bio_X509(text.get(), x) != 1)
         return false;
-    made.key = takeText(keyText.get());
-    made.certificate = takeText(text.get());
+    made.key = readText(keyText.get());
+    made.certificate = readText(text.get());
     return true;
 }
 

@@ -39,8 +39,8 @@ public:
         add(name, values, 7, 7);
     }
 
-    json takeFields() { return std::move(fields_); }
-    std::string takeBytes() { return std::move(bytes_); }
+    json releaseFields() { return std::move(fields_); }
+    std::string releaseBytes() { return std::move(bytes_); }
 
 private:
     const bool describes_;
@@ -116,13 +116,13 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
 json describeFrame(int joints) {
     Writer writer(true);
     write(writer, 0.0, {}, nullptr, joints);
-    return writer.takeFields();
+    return writer.releaseFields();
 }
 
 std::string encodeFrame(double now_s, const LiveStatus& status, const TeleoperationFeed::Status* hand) {
     Writer writer(false);
     write(writer, now_s, status, hand, static_cast<int>(status.record.nominal.q.size()));
-    return writer.takeBytes();
+    return writer.releaseBytes();
 }
 
 std::string describeLive(const CasePlan& plan, const std::string& title, bool hasHand, bool movesJoints,

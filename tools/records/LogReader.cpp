@@ -167,7 +167,7 @@ struct LogReader::Impl {
     };
 
     explicit Impl(const std::filesystem::path& path) : name(path.string()), file(path, kRemedy) {
-        while (file.nextOfOpening()) file.within([&] { takeRecord(); });
+        while (file.nextOfOpening()) file.within([&] { readRecord(); });
         if (layout.jointNames.empty()) {
             file.fail(file.isComplete() ? "the log has no channel of this program"
                                         : "the log ends within its opening and holds no rows");
@@ -177,32 +177,32 @@ struct LogReader::Impl {
     }
 
     /** True: with this record `row` is whole. */
-    bool takeRecord() {
+    bool readRecord() {
         const std::string_view content = file.content();
         switch (file.opcode()) {
             case kSchema:
-                takeSchema(content);
+                readSchema(content);
                 break;
             case kChannel:
-                takeChannel(content);
+                readChannel(content);
                 break;
             case kMetadata: {
                 ByteReader in(content);
-                if (in.takeString() == "viable") takeMetadata(in.takeMap());
+                if (in.readString() == "viable") readMetadata(in.readMap());
                 break;
             }
             case kAttachment:
-                takeAttachment(content);
+                readAttachment(content);
                 break;
             case kMessage:
-                return takeMessage(content);
+                return readMessage(content);
             default:  // indices, and what later versions of the format may bring
                 break;
         }
         return false;
     }
 
-    void takeMetadata(std::map<std::string, std::string> entries) {
+    void readMetadata(std::map<std::string, std::string> entries) {
         metadata = std::move(entries);
         const auto kinds = metadata.find(kLimitKindsKey);
         if (kinds == metadata.end()) return;
@@ -212,23 +212,23 @@ struct LogReader::Impl {
             if (unit.is_string()) addLimit(kind, unit.get<std::string>(), {});
     }
 
-    void takeSchema(std::string_view bytes) {
+    void readSchema(std::string_view bytes) {
         ByteReader in(bytes);
-        const std::uint16_t id = in.takeU16();
+        const std::uint16_t id = in.readU16();
         Schema schema;
-        schema.name = in.takeString();
-        schema.encoding = in.takeString();
-        schema.text = in.takeString();
+        schema.name = in.readString();
+        schema.encoding = in.readString();
+        schema.text = in.readString();
         schemas[id] = std::move(schema);
     }
 
-    void takeChannel(std::string_view bytes) {
+    void readChannel(std::string_view bytes) {
         ByteReader in(bytes);
-        const std::uint16_t id = in.takeU16();
-        const std::uint16_t schemaId = in.takeU16();
-        const std::string topic(in.takeString());
-        const std::string encoding(in.takeString());
-        const std::map<std::string, std::string> entries = in.takeMap();
+        const std::uint16_t id = in.readU16();
+        const std::uint16_t schemaId = in.readU16();
+        const std::string topic(in.readString());
+        const std::string encoding(in.readString());
+        const std::map<std::string, std::string> entries = in.readMap();
         if (plans.count(id) != 0) return;  // a repetition
         plans[id] = Plan{};
 
@@ -254,7 +254,7 @@ struct LogReader::Impl {
         } catch (const std::runtime_error& e) {
             throw BadBytes(0, "the schema of channel " + quote(topic) + " " + e.what());
         }
-        takeJointNames(topic, entries);
+        readJointNames(topic, entries);
         for (const Step& step : plan.steps) {
             if (step.field != nullptr) fields.insert(step.field);
         }
@@ -278,7 +278,7 @@ struct LogReader::Impl {
         if (kept.isOnChange) onChange.push_back(&kept);
     }
 
-    void takeJointNames(const std::string& topic, const std::map<std::string, std::string>& entries) {
+    void readJointNames(const std::string& topic, const std::map<std::string, std::string>& entries) {
         const auto entry = entries.find("joint_names");
         const nlohmann::json json =
             nlohmann::json::parse(entry == entries.end() ? std::string() : entry->second, nullptr, false);
@@ -296,28 +296,28 @@ struct LogReader::Impl {
         layout.jointNames = names;
     }
 
-    void takeAttachment(std::string_view content) {
+    void readAttachment(std::string_view content) {
         ByteReader in(content);
-        in.takeU64();
-        in.takeU64();
+        in.readU64();
+        in.readU64();
         LogAttachment attachment;
-        attachment.name = in.takeString();
-        attachment.mediaType = in.takeString();
-        attachment.data = in.take(in.takeU64());
+        attachment.name = in.readString();
+        attachment.mediaType = in.readString();
+        attachment.data = in.take(in.readU64());
         const std::size_t covered = in.position();
-        const std::uint32_t crc = in.takeU32();
+        const std::uint32_t crc = in.readU32();
         if (crc != 0 && crc != calcCrc(content.substr(0, covered))) {
             throw BadBytes(0, "the checksum of attachment " + quote(attachment.name) + " differs");
         }
         attachments.push_back(std::move(attachment));
     }
 
-    bool takeMessage(std::string_view record) {
+    bool readMessage(std::string_view record) {
         ByteReader in(record);
-        const std::uint16_t id = in.takeU16();
-        const std::uint32_t sequence = in.takeU32();
-        in.takeU64();
-        in.takeU64();
+        const std::uint16_t id = in.readU16();
+        const std::uint32_t sequence = in.readU32();
+        in.readU64();
+        in.readU64();
         const auto found = plans.find(id);
         if (found == plans.end()) {
             throw BadBytes(0, "a message of the undeclared channel " + std::to_string(id));
@@ -363,10 +363,10 @@ struct LogReader::Impl {
     }
 
     void decode(const Step& step, MessageReader& in) {
-        const std::uint32_t count = step.isSequence ? in.takeU32() : step.count;
+        const std::uint32_t count = step.isSequence ? in.readU32() : step.count;
         if (step.field == nullptr) {
             if (step.size == 0) {
-                for (std::uint32_t i = 0; i < count; ++i) in.takeText();
+                for (std::uint32_t i = 0; i < count; ++i) in.readText();
             } else if (count > 0) {
                 in.align(step.size);
                 in.skip(std::uint64_t{count} * step.size);
@@ -381,7 +381,7 @@ struct LogReader::Impl {
         const int n = static_cast<int>(count);
         if (field.isText()) {
             for (int i = 0; i < n; ++i) {
-                const std::string_view word = in.takeText();
+                const std::string_view word = in.readText();
                 if (!field.setText(row, i, word)) {
                     throw BadBytes(0, "`" + field.name + "` cannot be " + quote(word));
                 }
@@ -389,16 +389,16 @@ struct LogReader::Impl {
             return;
         }
         if (field.kind == LogKind::Integer) {
-            const auto value = static_cast<std::int64_t>(in.takeU64());
+            const auto value = static_cast<std::int64_t>(in.readU64());
             if (!field.setInteger(row, value)) {
                 throw BadBytes(0, "`" + field.name + "` cannot be " + std::to_string(value));
             }
         } else if (field.updJoints != nullptr) {
             JointVector& v = field.updJoints(row);
             v.resize(n);
-            for (int i = 0; i < n; ++i) v[i] = in.takeDouble();
+            for (int i = 0; i < n; ++i) v[i] = in.readDouble();
         } else {
-            for (int i = 0; i < n; ++i) field.updNumber(row, i) = in.takeDouble();
+            for (int i = 0; i < n; ++i) field.updNumber(row, i) = in.readDouble();
         }
     }
 
@@ -442,7 +442,7 @@ struct LogReader::Impl {
     bool read(TickRecord& record) {
         while (file.next()) {
             bool isWhole = false;
-            file.within([&] { isWhole = takeRecord(); });
+            file.within([&] { isWhole = readRecord(); });
             if (!isWhole) continue;
             record = row;
             return true;

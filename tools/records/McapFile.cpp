@@ -134,11 +134,11 @@ void McapFile::findEnd() {
 
     const std::uint64_t footer = size_ - kTail;
     ByteReader in(bytes);
-    const std::uint8_t footerOpcode = in.takeU8();
-    const std::uint64_t length = in.takeU64();
-    const std::uint64_t summary = in.takeU64();
-    in.takeU64();
-    const std::uint32_t footerCrc = in.takeU32();
+    const std::uint8_t footerOpcode = in.readU8();
+    const std::uint64_t length = in.readU64();
+    const std::uint64_t summary = in.readU64();
+    in.readU64();
+    const std::uint32_t footerCrc = in.readU32();
     if (footerOpcode != kFooter || length != kFooterContent) failAt(footer, "no footer before the end");
     if (summary != 0 && (summary < kMagic.size() || summary > footer)) {
         failAt(footer, "the summary cannot begin at byte " + std::to_string(summary));
@@ -163,8 +163,8 @@ void McapFile::readHeader() {
     if (opcode_ != kHeader) failAt(recordOffset_, "the first record is not a header");
     within([&] {
         ByteReader in(fileContent_);
-        in.takeString();
-        library_ = in.takeString();
+        in.readString();
+        library_ = in.readString();
     });
     dataCrc_ = calcCrc(kMagic);
     addToDataCrc();
@@ -178,8 +178,8 @@ bool McapFile::nextOfFile() {
     if (dataEnd_ - position_ < kRecordHead) return cutOff();
     readAt(position_, kRecordHead, head_);
     ByteReader in(head_);
-    opcode_ = in.takeU8();
-    const std::uint64_t length = in.takeU64();
+    opcode_ = in.readU8();
+    const std::uint64_t length = in.readU64();
     if (length > dataEnd_ - position_ - kRecordHead) return cutOff();
     if (length > kLargestRecord) {
         failAt(position_, "a record of " + std::to_string(length) + " bytes; at most " +
@@ -219,12 +219,12 @@ bool McapFile::next() {
         if (!isPending_) return false;
         isPending_ = false;
         if (opcode_ == kDataEnd) {
-            within([&] { takeDataEnd(); });
+            within([&] { readDataEnd(); });
             return false;
         }
         addToDataCrc();
         if (opcode_ == kMessage) return true;
-        within([&] { takeChunk(); });
+        within([&] { readChunk(); });
     }
 }
 
@@ -235,8 +235,8 @@ bool McapFile::nextOfChunk() {
     try {
         while (!isFound && chunkReader_.left() > 0) {
             chunkRecord_ = chunkReader_.position();
-            opcode_ = chunkReader_.takeU8();
-            recordContent_ = chunkReader_.take(chunkReader_.takeU64());
+            opcode_ = chunkReader_.readU8();
+            recordContent_ = chunkReader_.take(chunkReader_.readU64());
             isFound = opcode_ == kSchema || opcode_ == kChannel || opcode_ == kMessage;
         }
     } catch (const BadBytes& e) {
@@ -245,22 +245,22 @@ bool McapFile::nextOfChunk() {
     return isFound;
 }
 
-void McapFile::takeDataEnd() {
-    const std::uint32_t written = ByteReader(fileContent_).takeU32();
+void McapFile::readDataEnd() {
+    const std::uint32_t written = ByteReader(fileContent_).readU32();
     if (written != 0 && written != dataCrc_) {
         failAt(recordOffset_, "the checksum of all data differs: something before is damaged");
     }
     atEnd_ = true;
 }
 
-void McapFile::takeChunk() {
+void McapFile::readChunk() {
     ByteReader in(fileContent_);
-    in.takeU64();
-    in.takeU64();
-    const std::uint64_t plain = in.takeU64();
-    const std::uint32_t crc = in.takeU32();
-    const std::string_view compression = in.takeString();
-    const std::string_view packed = in.take(in.takeU64());
+    in.readU64();
+    in.readU64();
+    const std::uint64_t plain = in.readU64();
+    const std::uint32_t crc = in.readU32();
+    const std::string_view compression = in.readString();
+    const std::string_view packed = in.take(in.readU64());
     if (plain > kLargestAcceptedChunk) {
         throw BadBytes(16, "a chunk of " + std::to_string(plain) + " bytes; at most " +
                                std::to_string(kLargestAcceptedChunk) + " are accepted");

@@ -60,8 +60,8 @@ private:
     bool nextOfChunk();
     bool cutOff();
     void addToDataCrc();
-    void takeChunk();
-    void takeDataEnd();
+    void readChunk();
+    void readDataEnd();
 
     std::string file_, remedy_;
     int descriptor_ = -1;

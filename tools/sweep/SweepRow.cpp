@@ -106,7 +106,7 @@ public:
         at_ += sizeof number;
         return number;
     }
-    std::string takeText() {
+    std::string readText() {
         const auto size = take<std::uint64_t>();
         need(size);
         at_ += size;
@@ -213,7 +213,7 @@ SweepRow unpackRow(const std::string& bytes) {
     Unpacker from(bytes);
     SweepRow row;
     row.run = from.take<std::int64_t>();
-    row.caseName = from.takeText();
+    row.caseName = from.readText();
     const auto count = from.take<std::uint64_t>();
     for (std::uint64_t i = 0; i < count; ++i) {
         switch (from.take<std::uint8_t>()) {
@@ -227,7 +227,7 @@ SweepRow unpackRow(const std::string& bytes) {
                 row.values.emplace_back(from.take<std::int64_t>());
                 break;
             case 3:
-                row.values.emplace_back(from.takeText());
+                row.values.emplace_back(from.readText());
                 break;
             default:
                 throw std::runtime_error("a row of the sweep has a value of no known type");

@@ -117,7 +117,7 @@ struct SweepStore::Impl {
         return statement;
     }
 
-    void takeLock() {
+    void acquireLock() {
         lock = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (lock < 0 || flock(lock, LOCK_EX | LOCK_NB) == 0) return;
         if (errno == EWOULDBLOCK)
@@ -227,7 +227,7 @@ SweepStore::SweepStore(const fs::path& folder, const SweepPlan& plan) : impl_(st
     if (error)
         throw Error(ErrorKind::LogNotWritten, folder.string(), "cannot create the folder: " + error.message(),
                     "Name another place with --out.");
-    impl_->takeLock();
+    impl_->acquireLock();
     if (!fs::exists(impl_->file) && !fs::is_empty(folder, error))
         throw badInput(folder.string(), "this folder already holds something that is not a sweep",
                        "Name a new or empty folder.");

@@ -173,7 +173,7 @@ public:
           finder_(text) {}
 
     bool hasDocument() const { return hasDocument_; }
-    ConfigNode takeRoot() { return std::move(root_); }
+    ConfigNode releaseRoot() { return std::move(root_); }
     Position calcPosition(const YAML::Mark& mark) { return finder_.find(findOffset(mark)); }
 
     void OnDocumentStart(const YAML::Mark& mark) override {
@@ -231,7 +231,7 @@ public:
             fail(mark, findPath(), "the text holds a NUL character", "Remove `\\0` from it");
         }
         if (isKeyExpected()) {
-            takeKey(mark, value, end);
+            addKey(mark, value, end);
             return;
         }
         checkRoot(mark, "the text " + quoteText(value));
@@ -322,7 +322,7 @@ private:
         return !stack_.empty() && stack_.back().node.kind == ConfigNode::Kind::Map && !stack_.back().hasKey;
     }
 
-    void takeKey(const YAML::Mark& mark, const std::string& key, std::size_t end) {
+    void addKey(const YAML::Mark& mark, const std::string& key, std::size_t end) {
         Frame& frame = stack_.back();
         const std::string path = joinKeyPath(frame.node.keyPath, key);
         if (key == "<<") {
@@ -518,7 +518,7 @@ ConfigNode detail::parseYaml(const std::string& raw, const std::string& fileName
     if (!builder.hasDocument()) {
         throw badInput(fileName, "is empty: there is no entry in it", "Write entries as `key: value`");
     }
-    return builder.takeRoot();
+    return builder.releaseRoot();
 }
 
 ConfigNode parseConfig(const std::string& text, const std::string& fileName) {

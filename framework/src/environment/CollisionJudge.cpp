@@ -281,18 +281,18 @@ CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double
         const double radius = capsules[i].radius;
         const std::size_t solids = scene.environment.solids.size();
         // What is told to be no nearer than the cut-off is not: the difference of two sums is not zero by rounding.
-        const auto takeBelow = [&](double distance, double cutoff, std::size_t obstacle) {
+        const auto keepBelow = [&](double distance, double cutoff, std::size_t obstacle) {
             if (!(distance >= cutoff)) take(distance - radius, obstacle);
         };
         for (std::size_t k = 0; k < solids; ++k) {
             const double cutoff = contact.distance + radius;
-            takeBelow(scene.calcSolidDistance(k, segments[i], cutoff), cutoff, k);
+            keepBelow(scene.calcSolidDistance(k, segments[i], cutoff), cutoff, k);
         }
         for (std::size_t k = 0; k < centres.size(); ++k)
             take(calcPointDistance(segments[i], centres[k]) - scene.environment.spheres[k].radius - radius, solids + k);
         if (scene.map) {
             const double cutoff = contact.distance + radius;
-            takeBelow(scene.calcMapDistance(segments[i], cutoff), cutoff, solids + centres.size());
+            keepBelow(scene.calcMapDistance(segments[i], cutoff), cutoff, solids + centres.size());
         }
     }
     return contact;

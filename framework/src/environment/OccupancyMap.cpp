@@ -66,7 +66,7 @@ bool readNumber(std::string_view text, Number& value) {
 Header readHeader(std::string_view bytes, const std::string& place) {
     Header header;
     std::size_t position = 0;
-    const auto takeLine = [&]() -> std::string_view {
+    const auto readLine = [&]() -> std::string_view {
         constexpr std::size_t kLongest = 1000;
         const std::size_t length = bytes.substr(position, kLongest).find('\n');
         if (length == std::string_view::npos) throw badInput(place, "the header of the map is cut off", kRemedy);
@@ -75,7 +75,7 @@ Header readHeader(std::string_view bytes, const std::string& place) {
         return line;
     };
     const auto quote = [](std::string_view text) { return detail::quoteText(std::string(text)); };
-    const std::string_view first = bytes.size() < kBinaryHeader.size() ? std::string_view() : takeLine();
+    const std::string_view first = bytes.size() < kBinaryHeader.size() ? std::string_view() : readLine();
     header.isBinary = first == kBinaryHeader;
     if (!header.isBinary && first != kFullHeader)
         throw badInput(place,
@@ -83,7 +83,7 @@ Header readHeader(std::string_view bytes, const std::string& place) {
                            std::string(kBinaryHeader) + "`",
                        "Name a .bt or .ot file of OctoMap 1.6 or later.");
     bool hasId = false, hasSize = false, hasResolution = false;
-    for (std::string_view line = takeLine(); line != "data"; line = takeLine()) {
+    for (std::string_view line = readLine(); line != "data"; line = readLine()) {
         if (!line.empty() && line[0] == '#') continue;
         const std::size_t space = line.find(' ');
         const std::string_view key = line.substr(0, space);

@@ -59,10 +59,10 @@ WholeArmChoice::~WholeArmChoice() {
 
 void WholeArmChoice::reset(const MotionState& start) {
     tick_ = 0;
-    takeSurroundings();
+    updateSurroundings();
     watch_.reset();
     ofPeople_ = {};
-    takePeople();
+    updatePeople();
     check_.beginTick();
     braking_.beginTick(start);
     setStoredPath(start);
@@ -86,7 +86,7 @@ void WholeArmChoice::endTick(const FilterInput& input, const FilterDecision& dec
     ++ticksOnPath_;
 }
 
-void WholeArmChoice::takeSurroundings() {
+void WholeArmChoice::updateSurroundings() {
     if (!feed_) return;
     const SurroundingsFeed::View now = feed_->take();
     if (now.surroundings == view_.surroundings && now.version == view_.version) return;
@@ -97,7 +97,7 @@ void WholeArmChoice::takeSurroundings() {
 }
 
 /** False: what was proven of stops before is not any more. */
-bool WholeArmChoice::takePeople() {
+bool WholeArmChoice::updatePeople() {
     if (!people_) return true;
     const bool areExpected = watch_.take(people_->take(), time());
     check_.setPeople(watch_, time());
@@ -186,8 +186,8 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
     const bool isOnStop = braking_.beginTick(nominal);
     isNew_ |= !isOnStop;
     check_.beginTick();
-    takeSurroundings();
-    const bool areExpected = takePeople();
+    updateSurroundings();
+    const bool areExpected = updatePeople();
     if (isNew_) examineStored(nominal);
     // What is seen of people where they were expected tells nothing against the backup stop, which was proven before.
     if (people_ && !(isOnStop && areExpected)) {

@@ -57,8 +57,8 @@ private:
 
     double time() const { return static_cast<double>(tick_) * tick_s_; }
     bool isStale() const { return feed_ && !(time() - view_.stamp_s <= options_.maxAge_s); }
-    void takeSurroundings();
-    bool takePeople();
+    void updateSurroundings();
+    bool updatePeople();
     void tellPeople(const PeopleCheck::Result& found);
     void tellStored();
     void findStops(const JointVector& jerk);

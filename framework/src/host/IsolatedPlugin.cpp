@@ -238,7 +238,7 @@ void answer(Mailbox& box, const Work& work) {
     const std::int64_t before = countAllocations();
     try {
         work();
-        std::snprintf(box.explanation, sizeof box.explanation, "%s", detail::takeFaultExplanation());
+        std::snprintf(box.explanation, sizeof box.explanation, "%s", detail::readFaultExplanation());
         if (isTick(box.what)) {
             const std::int64_t tick = box.ticksDone++;
             if (tick >= kWarmUpTicks && countAllocations() != before) {

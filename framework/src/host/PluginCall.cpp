@@ -29,7 +29,7 @@ thread_local SlotOwner owner;
 // Beside the owner, without a destructor: a signal handler may read it at any time.
 thread_local CallSlot* ownSlot = nullptr;
 
-CallSlot* takeSlot() {
+CallSlot* claimSlot() {
     if (owner.asked) return ownSlot;
     owner.asked = true;
     for (CallSlot& slot : slots) {
@@ -107,7 +107,7 @@ std::int64_t countAllocations() {
 PluginCall::PluginCall(PluginWatch* watch, std::int64_t tick) noexcept
     : watch_(watch), tick_(tick), control_(FloatingPointGuard::readModes()) {
     if (!watch_) return;
-    if (CallSlot* slot = takeSlot()) {
+    if (CallSlot* slot = claimSlot()) {
         outerWatch_ = slot->watch.load(std::memory_order_relaxed);
         outerTick_ = slot->tick.load(std::memory_order_relaxed);
         slot->tick.store(tick, std::memory_order_relaxed);

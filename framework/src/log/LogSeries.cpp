@@ -41,7 +41,7 @@ void LogSeries::append(const TickRecord& record) noexcept {
     if (writer_) writer_->append(record);
     const bool isWritten = writer_ && writer_->status().ok();
     if (!writer_) ++before_.lost;
-    takeStatus();
+    readStatus();
     if (limit_ == 0) return;
     lostInARow_ = isWritten ? 0 : lostInARow_ + 1;
     if (isWritten ? writer_->status().bytes >= limit_ / kFiles : lostInARow_ >= kRetryRows) beginNext();
@@ -49,15 +49,15 @@ void LogSeries::append(const TickRecord& record) noexcept {
 
 void LogSeries::attach(const LogAttachment& attachment) noexcept {
     if (writer_) writer_->attach(attachment);
-    takeStatus();
+    readStatus();
 }
 
 void LogSeries::finish() noexcept {
     if (writer_) writer_->finish();
-    takeStatus();
+    readStatus();
 }
 
-void LogSeries::takeStatus() noexcept {
+void LogSeries::readStatus() noexcept {
     status_.rows = before_.rows;
     status_.lost = before_.lost;
     status_.bytes = before_.bytes;
@@ -72,7 +72,7 @@ void LogSeries::takeStatus() noexcept {
 void LogSeries::beginNext() noexcept {
     if (writer_) {
         writer_->finish();
-        takeStatus();
+        readStatus();
         sizes_.push_back(writer_->status().bytes);
         before_ = status_;
         writer_.reset();

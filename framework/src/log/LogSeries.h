@@ -32,7 +32,7 @@ public:
 
 private:
     void beginNext() noexcept;
-    void takeStatus() noexcept;
+    void readStatus() noexcept;
     void makeRoom() noexcept;
 
     const std::filesystem::path file_;

@@ -122,23 +122,23 @@ public:
         position_ += taken.size();
         return taken;
     }
-    std::uint8_t takeU8() { return takeInteger<std::uint8_t>(); }
-    std::uint16_t takeU16() { return takeInteger<std::uint16_t>(); }
-    std::uint32_t takeU32() { return takeInteger<std::uint32_t>(); }
-    std::uint64_t takeU64() { return takeInteger<std::uint64_t>(); }
-    double takeDouble() {
-        const std::uint64_t bits = takeU64();
+    std::uint8_t readU8() { return readInteger<std::uint8_t>(); }
+    std::uint16_t readU16() { return readInteger<std::uint16_t>(); }
+    std::uint32_t readU32() { return readInteger<std::uint32_t>(); }
+    std::uint64_t readU64() { return readInteger<std::uint64_t>(); }
+    double readDouble() {
+        const std::uint64_t bits = readU64();
         double v;
         std::memcpy(&v, &bits, sizeof(v));
         return v;
     }
-    std::string_view takeString() { return take(takeU32()); }
-    std::map<std::string, std::string> takeMap() {
-        ByteReader entries(take(takeU32()));
+    std::string_view readString() { return take(readU32()); }
+    std::map<std::string, std::string> readMap() {
+        ByteReader entries(take(readU32()));
         std::map<std::string, std::string> map;
         while (entries.left() > 0) {
-            const std::string key(entries.takeString());
-            map[key] = std::string(entries.takeString());
+            const std::string key(entries.readString());
+            map[key] = std::string(entries.readString());
         }
         return map;
     }
@@ -149,7 +149,7 @@ public:
 
 private:
     template <class T>
-    T takeInteger() {
+    T readInteger() {
         const std::string_view raw = take(sizeof(T));
         T v = 0;
         for (std::size_t i = 0; i < sizeof(T); ++i) {
@@ -178,24 +178,24 @@ public:
     void align(std::size_t size) {
         if (isAligned_) in_.align(size);
     }
-    std::uint32_t takeU32() {
+    std::uint32_t readU32() {
         align(4);
-        const std::uint32_t v = in_.takeU32();
+        const std::uint32_t v = in_.readU32();
         return isBig_ ? __builtin_bswap32(v) : v;
     }
-    std::uint64_t takeU64() {
+    std::uint64_t readU64() {
         align(8);
-        const std::uint64_t v = in_.takeU64();
+        const std::uint64_t v = in_.readU64();
         return isBig_ ? __builtin_bswap64(v) : v;
     }
-    double takeDouble() {
-        const std::uint64_t bits = takeU64();
+    double readDouble() {
+        const std::uint64_t bits = readU64();
         double v;
         std::memcpy(&v, &bits, sizeof(v));
         return v;
     }
-    std::string_view takeText() {
-        std::string_view text = in_.take(takeU32());
+    std::string_view readText() {
+        std::string_view text = in_.take(readU32());
         if (isAligned_ && !text.empty() && text.back() == '\0') text.remove_suffix(1);
         return text;
     }

@@ -71,7 +71,7 @@ void checkTick(const char* guard, double tick_s) {
 }
 
 /** The robot's own limits, or those of the options; checked. */
-const JointLimits& takeLimits(const char* guard, const RobotDescription& robot, double tick_s,
+const JointLimits& checkGuardLimits(const char* guard, const RobotDescription& robot, double tick_s,
                               const std::optional<JointLimits>& own) {
     const JointLimits& limits = own ? *own : robot.limits;
     const std::string place =
@@ -106,7 +106,7 @@ RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double
                         const std::optional<JointLimits>& own) {
     checkRobot(guard, robot);
     checkTick(guard, tick_s);
-    const JointLimits& limits = takeLimits(guard, robot, tick_s, own);
+    const JointLimits& limits = checkGuardLimits(guard, robot, tick_s, own);
     return {robot, limits, tick_s, kInfinity, makeRest(limits), {}};
 }
 
@@ -125,7 +125,7 @@ void refusePeople(const char* where, const Environment& environment, const char*
         "Leave Environment::people empty; WholeArmBrakingFilter keeps apart from those of RunSetup::people.");
 }
 
-Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup) {
+Dynamics checkGuardStart(const char* guard, const MotionState& start, RunSetup& setup) {
     const std::string place = std::string(guard) + "::start";
     const int n = setup.size();
     if (!isFinite(start, n))

@@ -35,7 +35,7 @@ void refusePeople(const char* where, const Environment& environment, const char*
 
 /** Checks a start and puts it into `setup`, with its tool pose. Throws Error (BadInput).
 @return the dynamics there */
-Dynamics takeGuardStart(const char* guard, const MotionState& start, RunSetup& setup);
+Dynamics checkGuardStart(const char* guard, const MotionState& start, RunSetup& setup);
 
 /** What the last tick of a guard's loop came to. */
 GuardStatus findStatus(const ControlLoop& loop, const TickRecord& record);

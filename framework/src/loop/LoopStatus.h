@@ -88,10 +88,10 @@ Status LoopStatus::contain(PluginKind kind, Status faulted, const Call& call) no
     message[0] = '\0';
     const char* remedy = kOnThrow;
     Status status = faulted;
-    detail::takeFaultExplanation();  // none is left of an earlier call
+    detail::readFaultExplanation();  // none is left of an earlier call
     try {
         status = call();
-        const char* const explanation = detail::takeFaultExplanation();
+        const char* const explanation = detail::readFaultExplanation();
         if (kind == PluginKind::RealPlant && status == faulted && *explanation) {
             std::snprintf(message, sizeof message, "%s", explanation);
             remedy = kOnGivingUp;

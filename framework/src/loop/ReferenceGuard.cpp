@@ -192,7 +192,7 @@ void ReferenceGuard::Inside::start(const MotionState& state) {
     loop.reset();
     setup.limits = limits;
     output = makeNone();
-    detail::takeGuardStart(kReferenceGuard, state, setup);
+    detail::checkGuardStart(kReferenceGuard, state, setup);
     // Gains: the servo knows the jerk it wants, so that gamma does not count.
     CertifiedBrakingOptions joints;
     joints.recovery = options.recovery;

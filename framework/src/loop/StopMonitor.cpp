@@ -68,7 +68,7 @@ struct StopMonitor::Path {
     }
 };
 
-void StopMonitor::takeLimits(const JointLimits& limits) {
+void StopMonitor::updateLimits(const JointLimits& limits) {
     hasJerkLimits_ = limits.hasJerkLimits();
     for (int i = 0; i < n_; ++i) {
         const AxisLimits& axis = limits_[i] = limits.axis(i);
@@ -84,7 +84,7 @@ void StopMonitor::reset(const MotionState& start, const JointLimits& limits, dou
     n_ = limits.size();
     tick_s_ = tick_s;
     guaranteed_ = guaranteed;
-    takeLimits(limits);
+    updateLimits(limits);
     examined_.held = getStopKind(HeldQuantity::Jerk);
     for (int i = 0; i < n_; ++i) planCarefully(start, i);
     ready_ = examined_;
@@ -100,7 +100,7 @@ void StopMonitor::changeLimits(const JointLimits& limits, const MotionState& nom
     std::array<AxisLimits, kMaxJoints> before = bounds_;
     const std::array<AxisLimits, kMaxJoints> old = limits_;
     const std::array<Tolerances, kMaxJoints> rounding = tolerances_;
-    takeLimits(limits);
+    updateLimits(limits);
     for (int i = 0; i < n_; ++i) {
         // What counted as rounding at a limit counts still where the limit has moved; only there, or handing over the
         // same limits again and again would let a joint creep out.

@@ -94,7 +94,7 @@ private:
         double idle_s = 0.0;
     };
 
-    void takeLimits(const JointLimits& limits);
+    void updateLimits(const JointLimits& limits);
     HeldQuantity getStopKind(HeldQuantity held) const;
     void planStop(const MotionState& from, HeldQuantity held);
     void planCarefully(const MotionState& from, int joint);

@@ -368,7 +368,7 @@ void TorqueGuard::Inside::start(const JointState& measured) {
     detail::refuseSpeedLimits(kTorqueGuard, robot);
     const int n = robot.size();
     const Dynamics dynamics =
-        detail::takeGuardStart(kTorqueGuard, {measured.q, measured.qd, JointVector::Zero(n)}, setup);
+        detail::checkGuardStart(kTorqueGuard, {measured.q, measured.qd, JointVector::Zero(n)}, setup);
     filter.configure(setup, options.filter);  // refuses what cannot be kept
     if (options.robustGains && std::isinf(options.robustGains->inertiaRate))
         checkRobustGains(*options.robustGains, dynamics.M, setup.tick_s, robot);

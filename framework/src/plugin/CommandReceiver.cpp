@@ -176,7 +176,7 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
     }
     meets_s_ = std::max(sent_s_ + period_s_, t + kShortestBlend * period_s_);
     stands_s_ = std::max(meets_s_, sent_s_ + kOverdue * period_s_);
-    takeWay(now);
+    updateWay(now);
 }
 
 /** The velocity after the last two differences becomes that of goal_. */
@@ -201,7 +201,7 @@ void CommandReceiver::findNextVelocity(const MotionCommand& before, double laste
 
 /** From `now` to where goal_ is when it is met. What does not move, or has jumped, is taken at once: each joint, the
 position and the orientation by itself. */
-void CommandReceiver::takeWay(const MotionCommand& now) {
+void CommandReceiver::updateWay(const MotionCommand& now) {
     const double ahead_s = meets_s_ - sent_s_, seconds = meets_s_ - begin_s_;
     const double turn = goal_.toolTwist.tail<3>().norm() * ahead_s;
     if (turn > kFarthestTurn) goal_.toolTwist.tail<3>() *= kFarthestTurn / turn;

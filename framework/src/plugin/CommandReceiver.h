@@ -39,7 +39,7 @@ private:
     bool isOtherSender(double interval_s);
     void learnPeriod(double interval_s);
     void findNextVelocity(const MotionCommand& before, double lasted_s);
-    void takeWay(const MotionCommand& now);
+    void updateWay(const MotionCommand& now);
 
     BetweenSamples between_;
     MotionCommand newest_;     // sample, at rest

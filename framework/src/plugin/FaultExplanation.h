@@ -3,6 +3,6 @@
 namespace viable::detail {
 
 /** What explainFault() told since the last call; empty: nothing. Valid until the next explainFault() of this thread. */
-const char* takeFaultExplanation() noexcept;
+const char* readFaultExplanation() noexcept;
 
 }  // namespace viable::detail

@@ -19,7 +19,7 @@ void explainFault(const char* message) noexcept {
     isTaken = false;
 }
 
-const char* detail::takeFaultExplanation() noexcept {
+const char* detail::readFaultExplanation() noexcept {
     const bool wasTaken = isTaken;
     isTaken = true;
     return wasTaken ? "" : explanation;

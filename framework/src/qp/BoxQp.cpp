@@ -31,7 +31,7 @@ struct Task {
     JointVector& x;
 
     /** Counts one more round; false when there is none left. */
-    bool takeRound() const {
+    bool countRound() const {
         if (rounds >= BoxQp::kMaxRoundsPerJoint * target.size()) return false;
         ++rounds;
         return true;
@@ -242,7 +242,7 @@ Outcome exchangeAll(const Task& task) {
     const int n = static_cast<int>(task.target.size());
     BoxProblem<kSize> problem(task);
     int fewest = n + 1, idleRounds = kMaxIdleRounds;
-    while (idleRounds > 0 && task.takeRound()) {
+    while (idleRounds > 0 && task.countRound()) {
         if (!problem.solveHeld()) return Outcome::Failed;
         int wrong = 0;
         for (int i = 0; i < n; ++i) {
@@ -285,7 +285,7 @@ int findWorst(const BoxProblem<0>& problem, const Task& task) {
 bound after the other. The dual objective grows with every step, so no set recurs. */
 Outcome addOneByOne(const Task& task) {
     BoxProblem<0> problem(task);
-    while (task.takeRound()) {
+    while (task.countRound()) {
         if (!problem.solveHeld()) return Outcome::Failed;
         if (releaseAll(problem, task)) continue;
         const int joint = findWorst(problem, task);
@@ -294,7 +294,7 @@ Outcome addOneByOne(const Task& task) {
             return Outcome::Optimal;
         }
         while (!problem.stepTowards(joint))
-            if (!task.takeRound() || !problem.factor()) return Outcome::Failed;
+            if (!task.countRound() || !problem.factor()) return Outcome::Failed;
     }
     return Outcome::Failed;
 }

@@ -201,7 +201,7 @@ public:
 private:
     /** @param settled  since the last settle() no plane was enforced or dropped */
     Outcome search(int& iterations, bool settled) {
-        while (takeIteration(iterations)) {
+        while (countIteration(iterations)) {
             const int plane = findWorst();
             if (plane >= 0) {
                 const Step step = enforce(plane, iterations);
@@ -248,7 +248,7 @@ private:
     /** sum += factor * v */
     void accumulate(double factor, const double* v, double* sum) const { map(sum) += factor * map(v); }
 
-    bool takeIteration(int& iterations) {
+    bool countIteration(int& iterations) {
         if (iterations >= most_) return false;
         if (++iterations > kPatiencePerJoint * n())
             tolerance_ = std::min(kToleranceGrowth * tolerance_, RowQp::kRowTolerance);
@@ -391,7 +391,7 @@ private:
                 return Step::Enforced;
             }
             drop(blocking);
-        } while (takeIteration(iterations));
+        } while (countIteration(iterations));
         return Step::Failed;
     }
 
@@ -535,7 +535,7 @@ private:
                 return true;
             }
             drop(pulling);
-        } while (takeIteration(iterations));
+        } while (countIteration(iterations));
         return false;
     }
 

@@ -29,7 +29,7 @@ struct TorqueSender::Impl {
           addsGravity(convention.addsGravity) {}
 
     /** Of the offset, in the next tick. */
-    double takeShare() {
+    double calcShare() {
         if (blended_s >= blend_s) return 0.0;
         const double share = 0.5 * (1.0 + std::cos(EIGEN_PI * blended_s / blend_s));
         blended_s += step_s;
@@ -101,7 +101,7 @@ const JointVector& TorqueSender::send(const JointVector& q, JointVector& torque)
     Impl& in = *impl_;
     in.isRateLimited = false;
     if (in.addsGravity) in.arm.calcTorque(q, in.still, in.still, in.gravity);
-    const double share = in.takeShare();
+    const double share = in.calcShare();
     for (Eigen::Index i = 0; i < torque.size(); ++i) {
         const double asked = share > 0.0 ? torque[i] + share * in.offset[i] : torque[i];
         const double wanted = std::clamp(asked, -in.limit[i], in.limit[i]) - in.gravity[i];

@@ -74,7 +74,7 @@ void ArmHardware::configure(const RunSetup& setup, const ArmHardwareOptions& opt
 void ArmHardware::reset(const JointState& start) {
     tick_ = 0;
     oldest_ = 0;
-    takePush();
+    updatePush();
     sensors_.reset(start);
 }
 
@@ -98,7 +98,7 @@ void ArmHardware::endTick(const JointVector& command, const JointState& encoders
         oldest_ = (oldest_ + 1) % delay_;
     }
     ++tick_;
-    takePush();
+    updatePush();
     sensors_.read(encoders);
 }
 

@@ -65,13 +65,13 @@ void JointSensors::reset(const JointState& truth) {
     random_.seed(options_.seed);
     tick_ = 0;
     measured_ = truth;
-    takeReadings(truth);
+    updateReadings(truth);
     measured_.qd = truth.qd;
 }
 
 void JointSensors::read(const JointState& truth) {
     ++tick_;
-    takeReadings(truth);
+    updateReadings(truth);
 }
 
 double JointSensors::drawNormal() {
@@ -84,7 +84,7 @@ double JointSensors::drawNormal() {
     return std::min(std::max(normal, -kNoiseCut), kNoiseCut);
 }
 
-void JointSensors::takeReadings(const JointState& truth) {
+void JointSensors::updateReadings(const JointState& truth) {
     JointState reading = truth;
     for (int i = 0; i < n_; ++i) {
         double& q = reading.q[i];

@@ -27,14 +27,14 @@ void ToolFollower::configure(const RobotDescription& robot, const JointLimits& l
     start_ = start.q;
     tick_s_ = tick_s;
     share_ = options.share;
-    takeLimits(limits);
+    updateLimits(limits);
     velocity_.configure(limits, tick_s, options.velocityFilter_s);
     reference_.configure(robot, limits, tick_s, findRest(limits), options.reference, geometry, std::move(recursion));
     servo_.configure(limits, tick_s, options.share);
     reset(start);
 }
 
-void ToolFollower::takeLimits(const JointLimits& limits) {
+void ToolFollower::updateLimits(const JointLimits& limits) {
     stopLimits_ = limits;
     for (JointBounds* bounds : {&stopLimits_.acceleration, &stopLimits_.jerk}) {
         bounds->lower *= share_;
@@ -67,7 +67,7 @@ void ToolFollower::reset(const MotionState& start) {
 }
 
 void ToolFollower::changeLimits(const JointLimits& limits) {
-    takeLimits(limits);
+    updateLimits(limits);
     reference_.changeLimits(limits, findRest(limits));
     servo_.changeLimits(limits);
     velocity_.changeLimits(limits);

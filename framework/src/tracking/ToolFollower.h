@@ -73,7 +73,7 @@ public:
               JointVector& jerk);
 
 private:
-    void takeLimits(const JointLimits& limits);
+    void updateLimits(const JointLimits& limits);
     JointVector findRest(const JointLimits& limits) const;
     void findAround(const MotionState& state);
 

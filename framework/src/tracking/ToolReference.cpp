@@ -162,7 +162,7 @@ void ToolReference::findBox(const JointBounds* around) {
 }
 
 /** |L'(dq - target)|^2 with normal_ = L L' is the cost. */
-void ToolReference::takeStep() {
+void ToolReference::applyStep() {
     const Eigen::LLT<JointMatrix> factors(normal_);
     factor_ = factors.matrixU();
     target_ = gradient_;
@@ -215,7 +215,7 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
         leadApart(std::min(kApartWeight + damping / std::max(size, 1e-9), kLargestApartWeight));
     }
     findBox(around);
-    takeStep();
+    applyStep();
     q_ += step_;
 }
 

@@ -69,7 +69,7 @@ private:
     Vector6 findError(const JointVector& q, const Pose& command);
     void leadApart(double weightNear);
     void findBox(const JointBounds* around);
-    void takeStep();
+    void applyStep();
 
     int n_ = 0;
     bool isHeldBack_ = false;

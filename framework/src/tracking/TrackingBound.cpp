@@ -44,7 +44,7 @@ constexpr double kFirstPhase = 4.0;
 /** The damping of the loop suits velocities up to so many times the nominal ones; no matter of validity. */
 constexpr double kRoom = 1.3;
 
-JointVector takeLargest(const JointBounds& bounds) {
+JointVector calcLargest(const JointBounds& bounds) {
     return bounds.lower.cwiseAbs().cwiseMax(bounds.upper.cwiseAbs());
 }
 
@@ -82,8 +82,8 @@ public:
           kr_(gains.kr.expand(n_)),
           kp_(gains.kp.expand(n_)),
           ki_(gains.ki.expand(n_)),
-          feed_(detail::takeFriction(gains.friction, robot.size())),
-          motion_{takeLargest(limits.velocity), takeLargest(limits.acceleration), takeLargest(limits.jerk)} {
+          feed_(detail::checkFriction(gains.friction, robot.size())),
+          motion_{calcLargest(limits.velocity), calcLargest(limits.acceleration), calcLargest(limits.jerk)} {
         for (int i = 0; i < n_; ++i) {
             if (std::isfinite(motion_.velocity[i]) && std::isfinite(motion_.acceleration[i])) continue;
             throw badInput(place,
@@ -246,7 +246,7 @@ private:
     }
 
     /** Both hold, so does the smaller one of each. */
-    static void takeSmaller(const TrackingBound& other, TrackingBound& bound) {
+    static void keepSmaller(const TrackingBound& other, TrackingBound& bound) {
         const auto take = [](const JointVector& from, JointVector& to) {
             to = to.binaryExpr(from, &detail::smallerOrNan).eval();
         };
@@ -254,7 +254,7 @@ private:
         forEach(other, bound, take);
     }
     /** Of two phases. */
-    static void takeLarger(const TrackingBound& other, TrackingBound& bound) {
+    static void keepLarger(const TrackingBound& other, TrackingBound& bound) {
         const auto take = [](const JointVector& from, JointVector& to) {
             to = to.binaryExpr(from, &detail::largerOrNan).eval();
         };
@@ -582,11 +582,11 @@ private:
             const Terms terms = calcTerms(phase, errors.e, errors.de);
             TrackingBound now = evaluate(views.front(), phase, terms, errors, withParts, reduction);
             for (std::size_t k = 1; k < views.size(); ++k)
-                takeSmaller(evaluate(views[k], phase, terms, errors, withParts, reduction), now);
+                keepSmaller(evaluate(views[k], phase, terms, errors, withParts, reduction), now);
             if (phase.number == 0)
                 bound = std::move(now);
             else
-                takeLarger(now, bound);
+                keepLarger(now, bound);
         }
         return bound;
     }

@@ -229,7 +229,7 @@ bool LinkPlant::receive(std::int64_t timeout_ns) {
     return isNew;
 }
 
-void LinkPlant::takeState() {
+void LinkPlant::readState() {
     for (int i = 0; i < n_; ++i) {
         state_.q[i] = received_.q[i];
         state_.qd[i] = received_.qd[i];
@@ -431,7 +431,7 @@ void LinkPlant::reset(const MotionState& start) {
     try {
         open(end_ns);
         awaitRest(end_ns);
-        takeState();
+        readState();
         checkRobot(start);
     } catch (...) {
         disconnect();
@@ -476,7 +476,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
                           options_.silenceTimeout_s);
         return fail(why);
     }
-    takeState();
+    readState();
     if (const char* trouble = findTrouble()) return fail(trouble);
     if (const char* trouble = judgeFollowing()) return fail(trouble);
     // Until the first read() it has held itself: no tick was missed.

@@ -133,7 +133,7 @@ private:
     /** Waits for a state and takes the newest that is there. False: none came. */
     bool receive(std::int64_t timeout_ns);
     void send(vl_mode mode, const double* torque = nullptr);
-    void takeState();
+    void readState();
     /** Why the robot does not follow torques; null: it does. */
     const char* findTrouble() const;
     /** Whether it follows the torques; null: as far as can be told. */

@@ -129,7 +129,7 @@ void MujocoPlant::putState(const JointState& state) {
     }
 }
 
-JointState MujocoPlant::takeState() const {
+JointState MujocoPlant::readState() const {
     const mjData& d = mujoco_->data();
     JointState state{JointVector(n_), JointVector(n_)};
     for (int i = 0; i < n_; ++i) {
@@ -155,7 +155,7 @@ void MujocoPlant::reset(const MotionState& start) {
 void MujocoPlant::step(const JointVector& applied) {
     mjModel& m = mujoco_->model();
     mjData& d = mujoco_->data();
-    const JointState state = takeState();
+    const JointState state = readState();
     const JointVector motor = hardware_.calcMotorTorque(applied, state.q);
     for (int i = 0; i < n_; ++i) {
         const int k = dof_[i];
@@ -184,7 +184,7 @@ TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied)
         mujoco_->data().pstack = 0;
         return TickStatus::Faulted;
     }
-    const JointState next = takeState();
+    const JointState next = readState();
     if (!isFinite(next, n_)) return TickStatus::Faulted;
     actual_ = next;
     load_ = nextLoad_;

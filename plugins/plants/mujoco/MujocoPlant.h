@@ -38,7 +38,7 @@ private:
     void scaleMasses(const JointVector& factor);
     void configureFriction(const Parameters& parameters, double tick_s);
     void putState(const JointState& state);
-    JointState takeState() const;
+    JointState readState() const;
     void step(const JointVector& applied);
 
     int n_ = 0;

@@ -208,12 +208,12 @@ TEST_F(LogTest, LimitsAreWrittenWhereTheyChangeAndAtEachChunksStart) {
     std::vector<std::uint32_t> rows;
     while (file.next()) {
         mcap::ByteReader in(file.content());
-        const int id = in.takeU16();
+        const int id = in.readU16();
         if (file.opcode() == mcap::kChannel) {
-            in.takeU16();
-            if (in.takeString() == "/limits") limits = id;
+            in.readU16();
+            if (in.readString() == "/limits") limits = id;
         } else if (file.opcode() == mcap::kMessage && id == limits) {
-            rows.push_back(in.takeU32());
+            rows.push_back(in.readU32());
         }
     }
     EXPECT_EQ(rows, (std::vector<std::uint32_t>{0, 37, 38, 100, 200, 300, 399, 400}));

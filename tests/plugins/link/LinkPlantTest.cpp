@@ -226,7 +226,7 @@ void drive(LinkPlant& plant, RobotModel& model, int ticks) {
     acceleration[0] = 1.0;
     for (int k = 0; k < ticks; ++k) {
         std::int64_t passed = 0;
-        ASSERT_EQ(plant.read(passed), TickStatus::Ok) << detail::takeFaultExplanation();
+        ASSERT_EQ(plant.read(passed), TickStatus::Ok) << detail::readFaultExplanation();
         ASSERT_GE(passed, 1);
         model.calcDynamics(plant.measured().q, plant.measured().qd, dynamics);
         calcInverseDynamics(dynamics, acceleration, torque);
@@ -292,13 +292,13 @@ TEST_P(LinkOver, Fault84ARobotThatIsSilentIsGone) {
     for (int k = 0; k < 10 && status == TickStatus::Ok; ++k) status = plant.read(passed);
     EXPECT_EQ(status, TickStatus::Faulted);
     EXPECT_GE(vl_now_ns() - begin, 500'000'000);
-    const std::string why = detail::takeFaultExplanation();
+    const std::string why = detail::readFaultExplanation();
     expectSays(why, "it cannot drive the robot at " + robot.address +
                         " any more: no state has come for 0.5 s; see that it and the line are up (packets: ");
     JointVector applied;
     EXPECT_EQ(plant.advance(bench.dynamics().b, applied), TickStatus::Faulted);
     EXPECT_EQ(plant.read(passed), TickStatus::Faulted);
-    EXPECT_EQ(detail::takeFaultExplanation(), why);
+    EXPECT_EQ(detail::readFaultExplanation(), why);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, LinkOver, ::testing::Values("udp", "shm"),
@@ -507,7 +507,7 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
         }
         EXPECT_EQ(status, TickStatus::Faulted) << why;
         EXPECT_LE(k, ticks) << why;
-        expectSays(detail::takeFaultExplanation(), why);
+        expectSays(detail::readFaultExplanation(), why);
         robot.isDeaf = false;
         sleepFor(0.05);
         robot.stop();
@@ -629,7 +629,7 @@ TEST(Fault83, ARobotThatTakesNoTorqueEndsTheRunBeforeTheArmsAreApart) {
     }
     EXPECT_EQ(status, TickStatus::Faulted);
     EXPECT_LE(torques, 40);
-    expectSays(detail::takeFaultExplanation(),
+    expectSays(detail::readFaultExplanation(),
                "ticks after the first one: they are lost, or come later than repeat_ticks: 1000 allows");
 }
 

@@ -364,7 +364,7 @@ TEST(Smoothing, TheStepOfALongFineRecordIsFoundInLinearTime) {
             readings.push_back(std::round(std::sin(frequency * times_s.back()) * 1e8) / 1e8);
         }
         const std::clock_t begin = std::clock();
-        const detail::Readings taken = detail::takeReadings(times_s, readings, "wave");
+        const detail::Readings taken = detail::makeReadings(times_s, readings, "wave");
         EXPECT_LT(std::clock() - begin, 5 * CLOCKS_PER_SEC) << frequency;
         EXPECT_NEAR(taken.quantum, 1e-8, 1e-12) << frequency;
         EXPECT_EQ(taken.values.size(), readings.size());

@@ -167,7 +167,7 @@ public:
                 for (const Candidate& candidate : kCandidates)
                     *out++ = candidate.calc(row, load, fit_.fastest(static_cast<std::size_t>(row.joint)));
             });
-            if (!takeBack()) return;
+            if (!removeLast()) return;
         }
     }
 
@@ -224,7 +224,7 @@ private:
         return isKnown(i, figure(layout().slope[i], law.slope, quantile(i)), reach);
     }
 
-    bool takeBackFriction(std::size_t i) {
+    bool removeFriction(std::size_t i) {
         const std::string range = "speeds up to " + formatSpeed(i, fit_.fastest(i));
         switch (choice_.forms[i]) {
             case FrictionForm::Saturating: {
@@ -269,7 +269,7 @@ private:
     }
 
     /** Takes back the least certain; true where there was something. */
-    bool takeBack() {
+    bool removeLast() {
         if (layout().size == 0) return false;
         bool changed = false;
         if (layout().mass >= 0) {
@@ -306,7 +306,7 @@ private:
         for (std::size_t b = 0; b < layout().bodies.size(); ++b)
             if (layout().bodies[b] >= 0 && !isDetermined(layout().bodies[b])) choice_.bodies[b] = false, changed = true;
         if (changed) return true;  // what is left may be clearer without it
-        for (std::size_t i = 0; i < n_; ++i) changed = (isFitted(i) && takeBackFriction(i)) || changed;
+        for (std::size_t i = 0; i < n_; ++i) changed = (isFitted(i) && removeFriction(i)) || changed;
         return changed;
     }
 

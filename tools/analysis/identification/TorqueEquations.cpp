@@ -170,7 +170,7 @@ void findJoints(const RobotDescription& nominal, Motion& motion) {
                      "one position and torque per time");
 }
 
-Motion takeMotion(const RobotDescription& nominal, const MotionRecord& record) {
+Motion readMotion(const RobotDescription& nominal, const MotionRecord& record) {
     Motion motion;
     motion.record = &record;
     findJoints(nominal, motion);
@@ -426,7 +426,7 @@ TorqueEquations makeTorqueEquations(const RobotDescription& nominal, const std::
     double smoothing = 0.0, interval = 0.0;
     std::vector<double> slow(joints, 0.0);
     for (const MotionRecord& record : records) {
-        motions.push_back(takeMotion(nominal, record));
+        motions.push_back(readMotion(nominal, record));
         const Motion& motion = motions.back();
         for (std::size_t i = 0; i < joints; ++i) motions.back().shaking.push_back(calcShaking(nominal, motion, i));
         interval = std::max(interval, motion.interval_s);

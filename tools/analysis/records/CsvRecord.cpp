@@ -198,7 +198,7 @@ public:
         torques_.resize(record_.joints.size());
         while (isRow || nextLine()) {
             isRow = false;
-            takeRow();
+            readRow();
         }
         if (record_.times_s.empty())
             throw badInput(file_, "no sample follows the header in line " + std::to_string(header_.line),
@@ -256,7 +256,7 @@ private:
         return fields_.size() == n || (fields_.size() == n + 1 && fields_.back().text.empty());
     }
 
-    void takeRow() {
+    void readRow() {
         split(reader_.line(), 0, header_.separator, fields_);
         if (!hasFieldCount(columns_.size()))
             throw badInput(
@@ -269,12 +269,12 @@ private:
             const Field& field = fields_[i];
             if (column.use == CsvColumn::Use::None) continue;
             if (column.use == CsvColumn::Use::Time) {
-                takeTime(field, column.factor);
+                readTime(field, column.factor);
                 continue;
             }
             const MotionRecord::Joint& joint = record_.joints[column.joint];
             double value = std::numeric_limits<double>::quiet_NaN();
-            if (!field.text.empty()) value = takeNumber<double>(field) * column.factor;
+            if (!field.text.empty()) value = readNumber<double>(field) * column.factor;
             if (std::isinf(value)) throw infiniteReading(reader_.line().place(field.column), joint.name);
             const bool isTorque = column.use == CsvColumn::Use::Torque;
             (isTorque ? torques_[column.joint] : record_.joints[column.joint].positions).push_back(value);
@@ -282,7 +282,7 @@ private:
     }
 
     template <class Number>
-    Number takeNumber(const Field& field) const {
+    Number readNumber(const Field& field) const {
         const std::optional<Number> value = toNumber<Number>(field.text);
         if (value) return *value;
         const bool hasComma = field.text.find(',') != std::string_view::npos;
@@ -291,11 +291,11 @@ private:
     }
 
     /** Times are taken relative to the first before they become doubles: seconds since 1970 would lose digits. */
-    void takeTime(const Field& field, double unitsPerSecond) {
+    void readTime(const Field& field, double unitsPerSecond) {
         static_assert(std::numeric_limits<long double>::digits >= 64, "times since 1970 in ns need 61 bits");
         if (field.text.empty())
             throw badInput(reader_.line().place(field.column), "the line has no time", "Write it, or remove the line");
-        const auto stamp = takeNumber<long double>(field);
+        const auto stamp = readNumber<long double>(field);
         if (!std::isfinite(stamp))
             throw badInput(reader_.line().place(field.column), "the time " + std::string(field.text) + " is not finite",
                            "Correct it, or remove the line");

@@ -27,12 +27,12 @@ MessageReader openMessage(ByteReader in, bool isCdr) {
     return MessageReader(in.take(in.left()), layout);
 }
 
-void takeDoubles(MessageReader& in, std::vector<double>& to) {
-    const std::uint32_t count = in.takeU32();
+void readDoubles(MessageReader& in, std::vector<double>& to) {
+    const std::uint32_t count = in.readU32();
     if (count > 0) in.align(8);
     in.expect(std::uint64_t{count} * 8);
     to.resize(count);
-    for (double& v : to) v = in.takeDouble();
+    for (double& v : to) v = in.readDouble();
 }
 
 struct JointState {
@@ -41,20 +41,20 @@ struct JointState {
     std::vector<double> positions, velocities, efforts;
 
     void take(MessageReader in, bool hasSequence) {
-        if (hasSequence) in.takeU32();
-        const std::uint32_t seconds = in.takeU32(), nanoseconds = in.takeU32();
+        if (hasSequence) in.readU32();
+        const std::uint32_t seconds = in.readU32(), nanoseconds = in.readU32();
         // Unsigned in ROS 1; in ROS 2 signed, but no clock is before 1970.
         stamp_ns = std::int64_t{seconds} * 1'000'000'000 + nanoseconds;
-        in.takeText();  // frame
-        const std::uint32_t count = in.takeU32();
+        in.readText();  // frame
+        const std::uint32_t count = in.readU32();
         if (count > kMostJoints)
             throw BadBytes(0, "the message names " + std::to_string(count) + " joints; at most " +
                                   std::to_string(kMostJoints) + " are accepted");
         names.clear();
-        for (std::uint32_t i = 0; i < count; ++i) names.push_back(in.takeText());
-        takeDoubles(in, positions);
-        takeDoubles(in, velocities);
-        takeDoubles(in, efforts);
+        for (std::uint32_t i = 0; i < count; ++i) names.push_back(in.readText());
+        readDoubles(in, positions);
+        readDoubles(in, velocities);
+        readDoubles(in, efforts);
         if (in.left() >= 8) throw BadBytes(0, "the message is longer than a sensor_msgs/JointState");
         for (const auto& [what, size] : {std::pair("positions", positions.size()), {"efforts", efforts.size()}})
             if (size != 0 && size != names.size())
@@ -85,9 +85,9 @@ public:
     MotionRecord read() {
         while (file_.next()) {
             file_.within([&] {
-                if (file_.opcode() == kSchema) takeSchema();
-                if (file_.opcode() == kChannel) takeChannel();
-                if (file_.opcode() == kMessage) takeMessage();
+                if (file_.opcode() == kSchema) readSchema();
+                if (file_.opcode() == kChannel) readChannel();
+                if (file_.opcode() == kMessage) readMessage();
             });
         }
         if (topics_.empty())
@@ -124,19 +124,19 @@ private:
         bool isJointState = false, isCdr = false;
     };
 
-    void takeSchema() {
+    void readSchema() {
         ByteReader in(file_.content());
-        const std::uint16_t id = in.takeU16();
-        schemaNames_.insert(schemas_[id] = in.takeString());
+        const std::uint16_t id = in.readU16();
+        schemaNames_.insert(schemas_[id] = in.readString());
     }
 
-    void takeChannel() {
+    void readChannel() {
         ByteReader in(file_.content());
-        const std::uint16_t id = in.takeU16();
-        const std::string schema = schemas_[in.takeU16()];
+        const std::uint16_t id = in.readU16();
+        const std::string schema = schemas_[in.readU16()];
         Channel channel;
-        channel.topic = in.takeString();
-        const std::string_view encoding = in.takeString();
+        channel.topic = in.readString();
+        const std::string_view encoding = in.readString();
         channel.isJointState = schema == "sensor_msgs/msg/JointState" || schema == "sensor_msgs/JointState";
         channel.isCdr = encoding == "cdr";
         if (channel.isJointState && !channel.isCdr && encoding != "ros1")
@@ -145,12 +145,12 @@ private:
         channels_[id] = std::move(channel);
     }
 
-    void takeMessage() {
+    void readMessage() {
         ByteReader in(file_.content());
-        const std::uint16_t id = in.takeU16();
-        in.takeU32();
-        const std::uint64_t logTime_ns = in.takeU64();
-        in.takeU64();
+        const std::uint16_t id = in.readU16();
+        in.readU32();
+        const std::uint64_t logTime_ns = in.readU64();
+        in.readU64();
         const auto channel = channels_.find(id);
         if (channel == channels_.end()) throw BadBytes(0, "a message of the undeclared channel " + std::to_string(id));
         const auto& [topic, isJointState, isCdr] = channel->second;

@@ -68,8 +68,8 @@ bool isTickLog(const std::filesystem::path& file) {
         if (log.opcode() != mcap::kSchema) continue;
         log.within([&] {
             mcap::ByteReader in(log.content());
-            in.takeU16();
-            isOurs = beginsWith(in.takeString(), "viable/msg/");
+            in.readU16();
+            isOurs = beginsWith(in.readString(), "viable/msg/");
         });
     }
     return isOurs;

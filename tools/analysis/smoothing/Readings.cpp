@@ -127,7 +127,7 @@ std::vector<double> listIntervals(const Readings& r) {
 
 }  // namespace
 
-Readings takeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where) {
+Readings makeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where) {
     VIABLE_CHECK(times_s.size() == values.size(), "one reading per time");
     Readings r;
     r.times_s.reserve(values.size());

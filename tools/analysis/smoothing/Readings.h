@@ -30,7 +30,7 @@ struct Readings {
 
 /** Throws Error (BadInput) where too few readings are left, or all are the same. Single readings far from a smooth curve
 through their neighbours are not used. */
-Readings takeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where);
+Readings makeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where);
 
 /** Takes out segments of which hardly a reading is used; @returns the places of their readings in the record. */
 std::vector<std::size_t> dropBarrenSegments(Readings& readings);

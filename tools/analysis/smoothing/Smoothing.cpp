@@ -141,7 +141,7 @@ SmoothedMotion smoothMotion(const std::vector<double>& times_s, const std::vecto
                             const std::string& where) {
     auto impl = std::make_unique<SmoothedMotion::Impl>();
     detail::Readings& readings = impl->readings;
-    readings = detail::takeReadings(times_s, values, where);
+    readings = detail::makeReadings(times_s, values, where);
     detail::Roughness& roughness = impl->roughness;
     const auto fit = [&](double coarsest_s, std::size_t maxWorseSteps) {
         const double step_s = detail::findKnotStep(readings, roughness, coarsest_s, maxWorseSteps);

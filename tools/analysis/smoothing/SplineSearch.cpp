@@ -24,7 +24,7 @@ constexpr double kCounting = 4.0;
 constexpr std::size_t kSearched = 16384, kSearchedPiece = 1024;
 
 /** Pieces of a long record: half of them evenly spread, half where the readings stray most from a straight line. */
-Readings takeSample(const Readings& readings) {
+Readings makeSample(const Readings& readings) {
     if (readings.values.size() <= kSearched) return readings;
     struct Candidate {
         std::size_t first, end;
@@ -95,7 +95,7 @@ void normalise(Roughness& roughness) {
 double findKnotStep(const Readings& readings, const Roughness& roughness, double coarsest_s,
                     std::size_t maxWorseSteps) {
     constexpr double kRatio = 0.70710678118654752;
-    const Readings sample = takeSample(readings);
+    const Readings sample = makeSample(readings);
     const auto ask = [&](double step_s) { return SplineFit(sample, step_s, roughness).objective(); };
     std::vector<double> steps, values;
     std::size_t best = 0;

@@ -40,7 +40,7 @@ bool belongsTo(const std::string& keyPath, const std::string& caseName) {
 }
 
 /** The bound of a case is known to every run then. What its plugins complain of is for the runs to tell. */
-void takeBound(const CasePlan& plan) {
+void readBound(const CasePlan& plan) {
     if (!plan.disturbances) return;
     try {
         applyBound(plan, *configureTracking(plan));
@@ -66,7 +66,7 @@ SweepTask::SweepTask(const SweepArguments& arguments)
             Experiment tried = read(run, nullptr);
             Experiment chosen = tried;
             selectCases(chosen, arguments.cases);
-            for (const CasePlan& plan : chosen.cases) takeBound(plan);
+            for (const CasePlan& plan : chosen.cases) readBound(plan);
             first = std::move(tried);
         } catch (const Error&) {
             if (run + 1 == kTriedRuns || run + 1 >= arguments.runs) throw;

@@ -171,9 +171,9 @@ py::array makePose(const Pose& pose) {
     return makeMatrix(matrix);
 }
 
-Pose takePose(const py::handle& value, const std::string& place) {
+Pose readPose(const py::handle& value, const std::string& place) {
     constexpr double kTolerance = 1e-3;  // of a rotation that was written with few decimals
-    const Array array = takeArray(value, place);
+    const Array array = readArray(value, place);
     if (array.ndim() != 2 || array.shape(0) != 4 || array.shape(1) != 4)
         throw badInput(place, "the array has shape " + formatShape(array),
                        "Give a pose in the base frame, shape (4, 4): rotation and position [m].");

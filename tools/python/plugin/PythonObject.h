@@ -60,6 +60,6 @@ py::object makeDynamics(const Dynamics& dynamics);
 /** 4 x 4, base frame [m] */
 py::array makePose(const Pose& pose);
 /** Throws Error for what is no pose; numbers that are not finite pass. */
-Pose takePose(const py::handle& value, const std::string& place);
+Pose readPose(const py::handle& value, const std::string& place);
 
 }  // namespace viable::python

@@ -13,16 +13,16 @@ namespace viable::python {
 namespace {
 
 /** (values, rates), or values alone: then `rates` stays as it is. */
-template <class TakeValues, class TakeRates>
-void takeWithRates(const py::object& result, const TakeValues& takeValues, const TakeRates& takeRates) {
-    if (!py::isinstance<py::tuple>(result) || py::len(result) != 2) return takeValues(result);
+template <class ReadValues, class ReadRates>
+void readWithRates(const py::object& result, const ReadValues& readValues, const ReadRates& readRates) {
+    if (!py::isinstance<py::tuple>(result) || py::len(result) != 2) return readValues(result);
     const py::tuple both = result;
-    takeValues(both[0]);
-    takeRates(both[1]);
+    readValues(both[0]);
+    readRates(both[1]);
 }
 
-Vector6 takeTwist(const py::handle& value, const std::string& place) {
-    const Array array = takeArray(value, place);
+Vector6 readTwist(const py::handle& value, const std::string& place) {
+    const Array array = readArray(value, place);
     if (array.ndim() != 1 || array.shape(0) != 6)
         throw badInput(place, "the array has shape " + formatShape(array),
                        "Give linear and angular velocity [m/s, rad/s], shape (6,).");
@@ -47,13 +47,13 @@ public:
             [&] { return py::make_tuple(t); },
             [&](const py::object& result) {
                 if (space_ == MotionCommand::Space::Joint)
-                    takeWithRates(
-                        result, [&](const py::handle& q) { out.q = takeVector(q, n_, "what sample() returned"); },
-                        [&](const py::handle& qd) { out.qd = takeVector(qd, n_, "the velocity of sample()"); });
+                    readWithRates(
+                        result, [&](const py::handle& q) { out.q = readVector(q, n_, "what sample() returned"); },
+                        [&](const py::handle& qd) { out.qd = readVector(qd, n_, "the velocity of sample()"); });
                 else
-                    takeWithRates(
-                        result, [&](const py::handle& pose) { out.tool = takePose(pose, "what sample() returned"); },
-                        [&](const py::handle& twist) { out.toolTwist = takeTwist(twist, "the twist of sample()"); });
+                    readWithRates(
+                        result, [&](const py::handle& pose) { out.tool = readPose(pose, "what sample() returned"); },
+                        [&](const py::handle& twist) { out.toolTwist = readTwist(twist, "the twist of sample()"); });
             });
         return TickStatus::Ok;
     }
@@ -80,7 +80,7 @@ public:
                 return py::make_tuple(makeCommand(input.command), makeState(input.nominal),
                                       makeDynamics(input.dynamics));
             },
-            [&](const py::object& torque) { output.torque = takeVector(torque, n_, "what compute() returned"); });
+            [&](const py::object& torque) { output.torque = readVector(torque, n_, "what compute() returned"); });
         return TickStatus::Ok;
     }
 
@@ -118,7 +118,7 @@ public:
                     status = pass(input, decision);
                     return;
                 }
-                const JointVector value = takeVector(result, n_, "what filter() returned");
+                const JointVector value = readVector(result, n_, "what filter() returned");
                 holdsJerk_ ? decision.holdJerk(value) : decision.holdAcceleration(value);
             });
         if (status != FilterStatus::Faulted) decision.joints.fill({});

@@ -16,7 +16,7 @@ std::string formatShape(const py::array& array) {
     return text + (array.ndim() == 1 ? ",)" : ")");
 }
 
-Array takeArray(const py::handle& value, const std::string& place) {
+Array readArray(const py::handle& value, const std::string& place) {
     if (Array::check_(value)) return py::reinterpret_borrow<Array>(value);
     const py::array any = py::array::ensure(value);
     if (!any) {
@@ -35,22 +35,22 @@ Array takeArray(const py::handle& value, const std::string& place) {
     return numbers;
 }
 
-JointVector takeVector(const py::handle& value, int n, const std::string& place) {
-    const Array array = takeArray(value, place);
+JointVector readVector(const py::handle& value, int n, const std::string& place) {
+    const Array array = readArray(value, place);
     if (array.ndim() != 1 || array.shape(0) != n)
         throw badInput(place, "the array has shape " + formatShape(array),
                        "Give one number per joint, shape (" + std::to_string(n) + ",).");
     return Eigen::Map<const Eigen::VectorXd>(array.data(), n);
 }
 
-JointVector takeVectorOrZero(const py::handle& value, int n, const std::string& place) {
-    return value.is_none() ? JointVector(JointVector::Zero(n)) : takeVector(value, n, place);
+JointVector readVectorOrZero(const py::handle& value, int n, const std::string& place) {
+    return value.is_none() ? JointVector(JointVector::Zero(n)) : readVector(value, n, place);
 }
 
-PerJoint takePerJoint(const py::handle& value, int n, const std::string& place) {
-    const Array array = takeArray(value, place);
+PerJoint readPerJoint(const py::handle& value, int n, const std::string& place) {
+    const Array array = readArray(value, place);
     if (array.ndim() == 0) return *array.data();
-    return takeVector(array, n, place);
+    return readVector(array, n, place);
 }
 
 py::array makeArray(const JointVector& v) {

@@ -21,14 +21,14 @@ using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 /** `value` as an array of doubles in C order; what is one already is taken as it is. Throws Error (BadInput) for what holds
 no real numbers. @param place  who asks, for messages */
-Array takeArray(const py::handle& value, const std::string& place);
+Array readArray(const py::handle& value, const std::string& place);
 
 /** n numbers, shape (n,). Throws likewise for another shape; numbers that are not finite pass. */
-JointVector takeVector(const py::handle& value, int n, const std::string& place);
+JointVector readVector(const py::handle& value, int n, const std::string& place);
 /** None: zeros. */
-JointVector takeVectorOrZero(const py::handle& value, int n, const std::string& place);
+JointVector readVectorOrZero(const py::handle& value, int n, const std::string& place);
 /** One number for all joints, or shape (n,). */
-PerJoint takePerJoint(const py::handle& value, int n, const std::string& place);
+PerJoint readPerJoint(const py::handle& value, int n, const std::string& place);
 
 /** A copy, shape (n,). */
 py::array makeArray(const JointVector& v);
@@ -49,7 +49,7 @@ py::str makeText(std::string_view text);
 std::string formatShape(const py::array& array);
 
 /** The limits of a viable.Limits; None: nothing. */
-std::optional<JointLimits> takeLimits(const py::handle& limits);
+std::optional<JointLimits> readLimits(const py::handle& limits);
 py::object makeLimits(const JointLimits& limits);
 
 void bindRobot(py::module_& module);

@@ -18,7 +18,7 @@ namespace viable::python {
 
 namespace {
 
-BatchAction takeAction(const std::string& word) {
+BatchAction readAction(const std::string& word) {
     if (word == "torque") return BatchAction::Torque;
     if (word == "acceleration") return BatchAction::Acceleration;
     if (word == "target") return BatchAction::Target;
@@ -35,9 +35,9 @@ public:
                 const std::string& environment, const std::string& plant, std::uint64_t seed, int threads)
         : robot_(std::move(robot)) {
         ArmBatchOptions options;
-        options.limits = takeLimits(limits);
-        options.filter = {kAlpha, gamma, recovery, takeObjective(objective)};
-        options.action = action_ = takeAction(action);
+        options.limits = readLimits(limits);
+        options.filter = {kAlpha, gamma, recovery, readObjective(objective)};
+        options.action = action_ = readAction(action);
         if (!environment.empty()) {
             const ConfigNode block = parseConfig(environment, "Batch: environment");
             options.environment = readEnvironment(block);
@@ -54,7 +54,7 @@ public:
 
     void step(const py::object& actions, int substeps) {
         const Turn turn(isTaken_, "Batch.step");
-        const Array array = takeArray(actions, "Batch.step: actions");
+        const Array array = readArray(actions, "Batch.step: actions");
         const ArmBatch& batch = *batch_;
         const int width = batch.actionSize();
         if (array.ndim() != 2 || array.shape(0) != batch.size() || array.shape(1) != width)
@@ -72,7 +72,7 @@ public:
 
     void reset(const py::object& mask, const py::object& q, const py::object& qd, const py::object& qdd) {
         const Turn turn(isTaken_, "Batch.reset");
-        const std::vector<int> arms = takeArms(mask, "Batch.reset: mask");
+        const std::vector<int> arms = readArms(mask, "Batch.reset: mask");
         std::vector<MotionState> starts(arms.size());
         const JointVector zero = JointVector::Zero(batch_->joints());
         fill(q, "Batch.reset: q", robot_->description.home, arms, starts, &MotionState::q);
@@ -85,7 +85,7 @@ public:
     /** Of the arms of a mask those whose row of `q` is no place to be put to, at rest. */
     std::vector<int> findUnusable(const py::object& mask, const py::object& q) {
         const Turn turn(isTaken_, "Batch.reset");
-        const std::vector<int> arms = takeArms(mask, "Batch.reset: mask");
+        const std::vector<int> arms = readArms(mask, "Batch.reset: mask");
         const JointVector zero = JointVector::Zero(batch_->joints());
         std::vector<MotionState> starts(arms.size(), {zero, zero, zero});
         fill(q, "Batch.reset: q", robot_->description.home, arms, starts, &MotionState::q);
@@ -95,9 +95,9 @@ public:
 
     void changeLimits(const py::object& limits, const py::object& mask) {
         const Turn turn(isTaken_, "Batch.change_limits");
-        const std::vector<int> arms = takeArms(mask, "Batch.change_limits: mask");
+        const std::vector<int> arms = readArms(mask, "Batch.change_limits: mask");
         if (!py::isinstance<py::list>(limits) && !py::isinstance<py::tuple>(limits)) {
-            const std::optional<JointLimits> one = takeLimits(limits);
+            const std::optional<JointLimits> one = readLimits(limits);
             if (!one)
                 throw badInput("Batch.change_limits", "None are no limits", "Give a viable.Limits, or one per arm.");
             batch_->changeLimits(arms, std::vector<JointLimits>(arms.size(), *one));
@@ -110,7 +110,7 @@ public:
                            "Give one viable.Limits for all, or a list with one for each.");
         std::vector<JointLimits> all;
         for (std::size_t i = 0; i < arms.size(); ++i) {
-            const std::optional<JointLimits> one = takeLimits(each[i]);
+            const std::optional<JointLimits> one = readLimits(each[i]);
             if (!one)
                 throw badInput("Batch.change_limits", "entry " + std::to_string(i) + " is None",
                                "Give a viable.Limits for each arm, such as batch.limits(arm).");
@@ -149,7 +149,7 @@ public:
     const ArmBatch& batch() const { return *batch_; }
 
     /** The arms that a mask names, all without one. */
-    std::vector<int> takeArms(const py::object& mask, const std::string& place) const {
+    std::vector<int> readArms(const py::object& mask, const std::string& place) const {
         std::vector<int> arms;
         const int n = batch_->size();
         if (mask.is_none()) {
@@ -196,7 +196,7 @@ private:
             for (MotionState& start : starts) start.*member = usual;
             return;
         }
-        const Array array = takeArray(value, place);
+        const Array array = readArray(value, place);
         const auto named = static_cast<py::ssize_t>(arms.size());
         const bool isOne = array.ndim() == 1 && array.shape(0) == joints;
         const bool isNamed = array.ndim() == 2 && array.shape(1) == joints && array.shape(0) == named;
@@ -267,7 +267,7 @@ q, qd, qdd  (joints,) for all of them, a row each, or (n, joints) of which their
              "New limits from now on: one viable.Limits, or a list with one for each arm of the mask; all or none.")
         .def(
             "_take_arms",
-            [](const PythonBatch& b, const py::object& mask) { return b.takeArms(mask, "Batch.random_reset: mask"); },
+            [](const PythonBatch& b, const py::object& mask) { return b.readArms(mask, "Batch.random_reset: mask"); },
             py::arg("mask"))
         .def("_find_unusable", &PythonBatch::findUnusable, py::arg("mask"), py::arg("q"))
         .def("limits", &PythonBatch::getLimits, py::arg("arm") = 0, "Of one arm, in force.")

@@ -69,11 +69,11 @@ public:
                 const py::object& largestDeviation, const py::object& largestSpeed)
         : n_(robot->size()) {
         TorqueGuardOptions options;
-        options.limits = takeLimits(limits);
-        options.filter = {kAlpha, gamma, recovery, takeObjective(objective)};
+        options.limits = readLimits(limits);
+        options.filter = {kAlpha, gamma, recovery, readObjective(objective)};
         options.hasRobustLoop = robustLoop;
-        options.largestDeviation = takePerJoint(largestDeviation, n_, "Guard: largest_deviation");
-        if (!largestSpeed.is_none()) options.largestSpeed = takePerJoint(largestSpeed, n_, "Guard: largest_speed");
+        options.largestDeviation = readPerJoint(largestDeviation, n_, "Guard: largest_deviation");
+        if (!largestSpeed.is_none()) options.largestSpeed = readPerJoint(largestSpeed, n_, "Guard: largest_speed");
         const py::gil_scoped_release release;
         guard_.emplace(robot->description, tick, std::move(options));
         torque_.setZero(n_);
@@ -82,21 +82,21 @@ public:
     void start(const py::object& q, const py::object& qd) {
         const Turn turn(isTaken_, "Guard.start");
         lawError_ = {};
-        guard_->start({takeVector(q, n_, "Guard.start: q"), takeVectorOrZero(qd, n_, "Guard.start: qd")});
+        guard_->start({readVector(q, n_, "Guard.start: q"), readVectorOrZero(qd, n_, "Guard.start: qd")});
         answer_ = {};
         torque_.setZero(n_);
     }
 
     py::array step(const py::object& q, const py::object& qd, const py::object& torque, const py::object& external) {
         const Turn turn(isTaken_, "Guard.step");
-        const JointState reading{takeVector(q, n_, "Guard.step: q"), takeVector(qd, n_, "Guard.step: qd")};
+        const JointState reading{readVector(q, n_, "Guard.step: q"), readVector(qd, n_, "Guard.step: qd")};
         std::optional<JointVector> push;
-        if (!external.is_none()) push = takeVector(external, n_, "Guard.step: external");
+        if (!external.is_none()) push = readVector(external, n_, "Guard.step: external");
         std::exception_ptr thrown;
         if (PyCallable_Check(torque.ptr())) {
             take(reading, push, [&](const MotionState& nominal, const Dynamics& dynamics, JointVector& out) {
                 try {
-                    out = takeVector(torque(makeArray(nominal.q), makeArray(nominal.qd), dynamics), n_,
+                    out = readVector(torque(makeArray(nominal.q), makeArray(nominal.qd), dynamics), n_,
                                      "the law's torque");
                 } catch (py::error_already_set& e) {
                     thrown = std::current_exception();
@@ -107,7 +107,7 @@ public:
                 }
             });
         } else {
-            const JointVector given = takeVector(torque, n_, "Guard.step: torque");
+            const JointVector given = readVector(torque, n_, "Guard.step: torque");
             take(reading, push, [&](const MotionState&, const Dynamics&, JointVector& out) { out = given; });
         }
         if (thrown) keep(thrown);
@@ -159,8 +159,8 @@ public:
                          const std::string& between, double share, double velocityFilter, bool recovery)
         : n_(robot->size()) {
         ReferenceGuardOptions options;
-        options.limits = takeLimits(limits);
-        options.between = takeBetween(between);
+        options.limits = readLimits(limits);
+        options.between = readBetween(between);
         options.share = share;
         options.velocityFilter_s = velocityFilter;
         options.recovery = recovery;
@@ -169,15 +169,15 @@ public:
     }
 
     void start(const py::object& q, const py::object& qd, const py::object& qdd) {
-        guard_->start({takeVector(q, n_, "ReferenceGuard.start: q"),
-                       takeVectorOrZero(qd, n_, "ReferenceGuard.start: qd"),
-                       takeVectorOrZero(qdd, n_, "ReferenceGuard.start: qdd")});
+        guard_->start({readVector(q, n_, "ReferenceGuard.start: q"),
+                       readVectorOrZero(qd, n_, "ReferenceGuard.start: qd"),
+                       readVectorOrZero(qdd, n_, "ReferenceGuard.start: qdd")});
         answer_ = {};
     }
 
     py::tuple step(const py::object& target) {
         answer_ =
-            target.is_none() ? guard_->step() : guard_->step(takeVector(target, n_, "ReferenceGuard.step: target"));
+            target.is_none() ? guard_->step() : guard_->step(readVector(target, n_, "ReferenceGuard.step: target"));
         expectStarted(answer_.status, "ReferenceGuard");
         return makeState(answer_.state);
     }
@@ -189,7 +189,7 @@ public:
     }
 
     bool changeLimits(const py::object& limits) {
-        const std::optional<JointLimits> given = takeLimits(limits);
+        const std::optional<JointLimits> given = readLimits(limits);
         return given && guard_->changeLimits(*given);
     }
 
@@ -198,7 +198,7 @@ public:
     std::vector<std::string> acting() const { return listActing(answer_.acting, n_); }
 
 private:
-    static BetweenSamples takeBetween(const std::string& word) {
+    static BetweenSamples readBetween(const std::string& word) {
         for (const BetweenSamples between :
              {BetweenSamples::Hold, BetweenSamples::Interpolate, BetweenSamples::Extrapolate})
             if (word == viable::getName(between)) return between;
@@ -235,7 +235,7 @@ void bindCommon(py::class_<Guard>& c) {
 
 }  // namespace
 
-Objective takeObjective(const std::string& word) {
+Objective readObjective(const std::string& word) {
     if (word == "torque") return Objective::Torque;
     if (word == "tool") return Objective::Tool;
     if (word == "joint") return Objective::Joint;

@@ -25,8 +25,8 @@ struct PythonLimits {
 };
 
 /** One side of a limit: a number for all joints, or one each. @param n  joints; 0: not known yet, and found here */
-JointVector takeSide(const py::handle& value, int& n, double sign, const std::string& place) {
-    const Array array = takeArray(value, place);
+JointVector readSide(const py::handle& value, int& n, double sign, const std::string& place) {
+    const Array array = readArray(value, place);
     if (array.ndim() == 0) {
         if (n == 0)
             throw badInput(place, "one number for all joints, and nothing says how many there are",
@@ -58,14 +58,14 @@ int countJoints(const py::handle& value) {
     return array && array.ndim() == 1 && array.size() <= kMaxJoints ? static_cast<int>(array.size()) : 0;
 }
 
-JointBounds takeBounds(const py::handle& value, int n, const std::string& place) {
+JointBounds readBounds(const py::handle& value, int n, const std::string& place) {
     if (value.is_none()) return {JointVector::Constant(n, -kInfinity), JointVector::Constant(n, kInfinity)};
-    if (!isPair(value)) return {takeSide(value, n, -1.0, place), takeSide(value, n, 1.0, place)};
+    if (!isPair(value)) return {readSide(value, n, -1.0, place), readSide(value, n, 1.0, place)};
     const auto pair = py::reinterpret_borrow<py::tuple>(value);
     if (pair.size() != 2)
         throw badInput(place, "a tuple of " + std::to_string(pair.size()),
                        "A tuple is (lower, upper); one number per joint is a list or an array.");
-    return {takeSide(pair[0], n, 1.0, place + " lower"), takeSide(pair[1], n, 1.0, place + " upper")};
+    return {readSide(pair[0], n, 1.0, place + " lower"), readSide(pair[1], n, 1.0, place + " upper")};
 }
 
 constexpr const char* kQuantities[] = {"position", "velocity", "acceleration", "jerk"};
@@ -87,7 +87,7 @@ PythonLimits newLimits(const py::object& position, const py::object& velocity, c
             "Give `joints`, 1 to " + std::to_string(kMaxJoints) + ", or an array with one number per joint.");
     PythonLimits limits;
     for (int i = 0; i < 4; ++i)
-        getBounds(limits.limits, i) = takeBounds(*given[i], n, std::string("Limits: ") + kQuantities[i]);
+        getBounds(limits.limits, i) = readBounds(*given[i], n, std::string("Limits: ") + kQuantities[i]);
     return limits;
 }
 
@@ -109,7 +109,7 @@ PythonLimits replaceLimits(const PythonLimits& old, const py::kwargs& changes) {
         if (found < 0)
             throw badInput("Limits.replace", "there is no limit `" + name + "`",
                            "They are position, velocity, acceleration and jerk.");
-        getBounds(limits.limits, found) = takeBounds(value, n, "Limits.replace: " + name);
+        getBounds(limits.limits, found) = readBounds(value, n, "Limits.replace: " + name);
     }
     return limits;
 }
@@ -183,8 +183,8 @@ void bindDynamics(py::module_& module) {
 }
 
 const Dynamics& calcAt(PythonRobot& robot, const py::handle& q, const py::handle& qd, const char* place) {
-    const JointVector position = takeVector(q, robot.size(), std::string(place) + ": q");
-    robot.model.calcDynamics(position, takeVectorOrZero(qd, robot.size(), std::string(place) + ": qd"), robot.dynamics);
+    const JointVector position = readVector(q, robot.size(), std::string(place) + ": q");
+    robot.model.calcDynamics(position, readVectorOrZero(qd, robot.size(), std::string(place) + ": qd"), robot.dynamics);
     return robot.dynamics;
 }
 
@@ -200,7 +200,7 @@ py::dict calcGains(const PythonRobot& robot, double tick_s, const py::object& li
     if (!(tick_s >= kShortestTick_s && tick_s <= kLongestTick_s))
         throw badInput("Robot.gains: tick", detail::formatNumber(tick_s) + " s; allowed is [0.00001, 0.1] s",
                        "Give the period of the loop in seconds: 0.001 at 1 kHz.");
-    const JointLimits in = limits.is_none() ? robot.description.limits : *takeLimits(limits);
+    const JointLimits in = limits.is_none() ? robot.description.limits : *readLimits(limits);
     if (in.size() != robot.size())
         throw badInput("Robot.gains: limits", "limits of " + std::to_string(in.size()) + " joints",
                        "The robot has " + std::to_string(robot.size()) + ".");
@@ -233,7 +233,7 @@ py::dict calcGains(const PythonRobot& robot, double tick_s, const py::object& li
 class PythonServo {
 public:
     PythonServo(const py::object& limits, double tick, double share) {
-        const std::optional<JointLimits> given = takeLimits(limits);
+        const std::optional<JointLimits> given = readLimits(limits);
         if (!given) throw badInput("Servo: limits", "None are no limits", "Give a viable.Limits.");
         n_ = given->size();
         if (!(tick >= kShortestTick_s && tick <= kLongestTick_s) || !areUsable(*given, n_, tick) ||
@@ -248,28 +248,28 @@ public:
         servo_.configure(*given, tick, share);
     }
     void reset(const py::object& q, const py::object& qd, const py::object& qdd) {
-        servo_.reset(takeState(q, qd, qdd, "Servo.reset: "));
+        servo_.reset(readState(q, qd, qdd, "Servo.reset: "));
     }
     py::array jerk(const py::object& q, const py::object& qd, const py::object& qdd, const py::object& target,
                    const py::object& targetVelocity, const py::object& targetAcceleration) {
-        const MotionState state = takeState(q, qd, qdd, "Servo.jerk: ");
-        const MotionState wanted{takeFinite(target, "Servo.jerk: target"),
-                                 takeVectorOrZero(targetVelocity, n_, "Servo.jerk: target_qd"),
-                                 takeVectorOrZero(targetAcceleration, n_, "Servo.jerk: target_qdd")};
+        const MotionState state = readState(q, qd, qdd, "Servo.jerk: ");
+        const MotionState wanted{readFinite(target, "Servo.jerk: target"),
+                                 readVectorOrZero(targetVelocity, n_, "Servo.jerk: target_qd"),
+                                 readVectorOrZero(targetAcceleration, n_, "Servo.jerk: target_qdd")};
         JointVector jerk;
         servo_.calc(state, wanted, jerk);
         return makeArray(jerk);
     }
 
 private:
-    JointVector takeFinite(const py::object& value, const std::string& place) const {
-        const JointVector v = takeVectorOrZero(value, n_, place);
+    JointVector readFinite(const py::object& value, const std::string& place) const {
+        const JointVector v = readVectorOrZero(value, n_, place);
         if (!v.allFinite()) throw badInput(place, "a number is not finite", "Give finite numbers.");
         return v;
     }
-    MotionState takeState(const py::object& q, const py::object& qd, const py::object& qdd,
+    MotionState readState(const py::object& q, const py::object& qd, const py::object& qdd,
                           const std::string& place) const {
-        return {takeFinite(q, place + "q"), takeFinite(qd, place + "qd"), takeFinite(qdd, place + "qdd")};
+        return {readFinite(q, place + "q"), readFinite(qd, place + "qd"), readFinite(qdd, place + "qdd")};
     }
 
     int n_ = 0;
@@ -301,7 +301,7 @@ share   of acceleration and jerk limits that the motion relative to the target m
 
 }  // namespace
 
-std::optional<JointLimits> takeLimits(const py::handle& limits) {
+std::optional<JointLimits> readLimits(const py::handle& limits) {
     if (limits.is_none()) return {};
     if (!py::isinstance<PythonLimits>(limits))
         throw badInput("limits", "a " + std::string(Py_TYPE(limits.ptr())->tp_name) + " are no limits",
@@ -363,9 +363,9 @@ n joints, in the order of `joints`. Units: rad, rad/s, Nm; of joints that slide 
             "forward_dynamics",
             [](Robot& r, const py::object& q, const py::object& qd, const py::object& torque) {
                 // All arguments first: what converts one may call this robot again.
-                const JointVector position = takeVector(q, r.size(), "Robot.forward_dynamics: q");
-                const JointVector velocity = takeVectorOrZero(qd, r.size(), "Robot.forward_dynamics: qd");
-                const JointVector given = takeVector(torque, r.size(), "Robot.forward_dynamics: torque");
+                const JointVector position = readVector(q, r.size(), "Robot.forward_dynamics: q");
+                const JointVector velocity = readVectorOrZero(qd, r.size(), "Robot.forward_dynamics: qd");
+                const JointVector given = readVector(torque, r.size(), "Robot.forward_dynamics: torque");
                 r.model.calcDynamics(position, velocity, r.dynamics);
                 JointVector qdd;
                 if (!calcForwardDynamics(r.dynamics, given, qdd))
@@ -385,7 +385,7 @@ n joints, in the order of `joints`. Units: rad, rad/s, Nm; of joints that slide 
                 if (!(mass >= 0.0 && std::isfinite(mass)))
                     throw badInput("Robot.with_payload: mass",
                                    detail::formatNumber(mass) + " kg; allowed is 0 and more", "Give it in kg.");
-                const JointVector at = takeVectorOrZero(offset, 3, "Robot.with_payload: offset");
+                const JointVector at = readVectorOrZero(offset, 3, "Robot.with_payload: offset");
                 return std::make_shared<Robot>(withPayload(r.description, mass, at.head<3>()));
             },
             py::arg("mass"), py::arg("offset") = py::none(),
@@ -394,7 +394,7 @@ n joints, in the order of `joints`. Units: rad, rad/s, Nm; of joints that slide 
             "with_scaled_masses",
             [](const Robot& r, const py::object& factor) {
                 const JointVector each =
-                    takePerJoint(factor, r.size(), "Robot.with_scaled_masses: factor").expand(r.size());
+                    readPerJoint(factor, r.size(), "Robot.with_scaled_masses: factor").expand(r.size());
                 if (!(each.array() > 0.0).all() || !each.allFinite())
                     throw badInput("Robot.with_scaled_masses: factor", "a factor is not above 0 and finite",
                                    "1 changes nothing.");

@@ -33,6 +33,6 @@ private:
 };
 
 /** torque, tool, joint, path. Throws Error (BadInput). */
-Objective takeObjective(const std::string& word);
+Objective readObjective(const std::string& word);
 
 }  // namespace viable::python

@@ -82,7 +82,7 @@ public:
 
 private:
     double drawNormal();
-    void takeReadings(const JointState& truth);
+    void updateReadings(const JointState& truth);
     void disturb(JointState& reading);
 
     int n_ = 0;
@@ -224,7 +224,7 @@ public:
     int delayTicks() const { return delay_; }
 
 private:
-    void takePush() { external_ = pushTicks_.contains(tick_) ? push_ : JointVector::Zero(n_); }
+    void updatePush() { external_ = pushTicks_.contains(tick_) ? push_ : JointVector::Zero(n_); }
 
     int n_ = 0;
     int substeps_ = 1;
