@@ -10,9 +10,9 @@ namespace viable {
 
 struct ToolFollowerOptions {
     ToolReferenceOptions reference;
-    /** Of acceleration and jerk limits, for the motion relative to the reference: see Servo. */
+    /** Share of acceleration and jerk limits for the motion relative to the reference: see Servo. */
     double share = 1.0;
-    double velocityFilter_s = 0.0;  ///< of the reference's velocity: see TargetVelocity
+    double velocityFilter_s = 0.0;  ///< filter of the reference's velocity: see TargetVelocity
 
     template <class V>
     void describe(V& v) {
@@ -40,13 +40,16 @@ struct ToolFollowerOptions {
     }
 };
 
-/** Leads the tool to a commanded pose, as fast as the joints' limits allow: a joint reference within the position limits
-follows the pose (ToolReference), and each joint follows its reference (Servo), with as much of its velocity as the joint
-could (TargetVelocity). The reference is ahead of where the arm is, or would stop, by no more than the way in which
-a joint stops from its velocity limit, and three ticks at that; where the arm is stopped sooner it goes back at that speed. So an
-arm that is held back is not left behind. A reference that is held back and off by more than 1 mm leaps to where the arm would stop where that is nearer to
-the command by half: a hand that lets go commands that place, and the arm is not to go the way of the reference first. A joint without a velocity limit has no such bound. The
-law of the plugin tool_servo and of ArmBatch.
+/** Leads the tool to a commanded pose, as fast as the joints' limits allow. A joint reference within the position
+limits follows the pose (ToolReference). Each joint follows its reference (Servo), with as much of its velocity as the
+joint could (TargetVelocity).
+
+Lead: the reference is bounded ahead of the arm, or of the place where the arm would stop. The bound is the way in which
+a joint stops from its velocity limit, and three ticks at that. If the arm is stopped sooner, the reference goes back at
+that speed. So an arm that is held back is not left behind. A joint without a velocity limit has no such bound.
+Leap: a reference may be held back and off by more than 1 mm. It then leaps to where the arm would stop, if that is
+nearer to the command by half. So a hand that lets go commands that place, and the arm does not first follow the
+reference. This is the law of the plugin tool_servo and of ArmBatch.
 Real time: no allocation, lock or throw after configure(). */
 class ToolFollower {
 public:
@@ -79,18 +82,18 @@ private:
 
     JointVector start_;
     double tick_s_ = 0.0, share_ = 1.0;
-    JointLimits stopLimits_;  ///< what the servo stops with
-    JointBounds lead_;        ///< of the reference [rad]
-    JointBounds around_;      ///< where the reference may be in this tick [rad]
-    JointVector stop_;        ///< where the arm would stop [rad]
+    JointLimits stopLimits_;  ///< limits of the servo's stop
+    JointBounds lead_;        ///< bounds of the reference's lead [rad]
+    JointBounds around_;      ///< bounds of the reference in this tick [rad]
+    JointVector stop_;        ///< place where the arm would stop [rad]
     ToolReference reference_;
     Servo servo_;
-    TargetVelocity velocity_;  ///< of the reference
+    TargetVelocity velocity_;  ///< velocity of the reference
     MotionState target_;
 };
 
-/** The quaternion of a pose that is commanded, of unit length; false where it cannot be one (its length must be between 0.5
-and 2) or a number is not finite. */
+/** Makes the quaternion of a commanded pose unit length. False where its length is not between 0.5 and 2, or a
+number is not finite. */
 bool normalise(Pose& command);
 
 }  // namespace viable

@@ -19,19 +19,20 @@ struct ToolReferenceOptions {
     double apart_m = 0.1;           ///< nearer than this to obstacles or itself, spare joints lead the arm away
 };
 
-/** The joint positions whose tool is nearest to a commanded pose, within the joint position limits: integrated from
-tick to tick, not solved anew, so that the arm stays in its branch and turns of more than half a turn are followed.
+/** The joint positions whose tool is nearest to a commanded pose, within the joint position limits. They are integrated
+from tick to tick, not solved anew. So the arm stays in its branch, and turns of more than half a turn are followed.
 
-Method, per tick: minimise |W (J dq - error)|^2 + damping |dq|^2 + (spare joints) subject to the position limits and to
-what the velocity limits allow in a tick, a QP; the damping is the error that is left times the size of J
-(Levenberg-Marquardt with the norm of the residual as damping: Fan and Yuan, Computing 74, 2005), so that unreachable and
-singular poses are approached without wild joint motion, and without a swing once there. Spare joints wait while the tool is
-behind. Where the arm is nearer than apart_m to something, they go away from it, in the time in which they could stop if it is a
-whole apart_m too near.
-With a geometry no step leads nearer to obstacles or to the arm itself than WholeArmBrakingFilter lets the arm, to first
-order, at the nearest place and the ends of each part, from each obstacle: rows of that QP, as many as RowQp takes. An arm that is nearer already is led
-away by the way only, and not where it rests. So the reference rests as near to a barred pose as it comes, where else it would be in what bars
-the arm, and the arm, held back, swing beside it.
+Method, per tick: a QP minimises |W (J dq - error)|^2 + damping |dq|^2 + (spare joints). It is subject to the position
+limits and to the velocity limits for a tick. The damping is the remaining error times the size of J
+(Levenberg-Marquardt with the residual's norm as damping: Fan and Yuan, Computing 74, 2005). So unreachable and singular
+poses are approached without wild joint motion, and without an oscillation there.
+Spare joints: they wait while the tool is behind. If the arm is nearer than apart_m to something, they go away from it.
+They do so in the time in which they could stop if it is a whole apart_m too near.
+Obstacles: with a geometry no step leads nearer to obstacles or to the arm itself than WholeArmBrakingFilter lets the
+arm, to first order. This holds at the nearest place and the ends of each part, from each obstacle, by rows of that QP,
+as many as RowQp takes. An arm that is nearer already is led away along its way only, and not while it rests. So the
+reference rests as near to a barred pose as it comes. Otherwise it would be inside the obstacle, and the arm, held back,
+would oscillate beside it.
 Real time: no allocation, lock or throw after configure(). */
 class ToolReference {
 public:
@@ -47,7 +48,8 @@ public:
                    const ToolReferenceOptions& options, const ArmGeometry* geometry = nullptr,
                    std::shared_ptr<const ArmRecursion> recursion = nullptr);
     void reset(const JointVector& q);
-    /** Goes on at `q`, at once, where that is less than half as far from the command as q(), which is off by more than 1 mm. */
+    /** Continues at `q` at once, if `q` is less than half as far from the command as q() is. The latter must be off
+    by more than 1 mm. */
     void leapTo(const JointVector& q, const Pose& command);
     /** From now on. */
     void changeLimits(const JointLimits& limits, const JointVector& rest);
@@ -59,8 +61,8 @@ public:
     void advance(const Pose& command, const Surroundings* surroundings = nullptr, double time_s = 0.0,
                  const JointBounds* around = nullptr);
     const JointVector& q() const { return q_; }  ///< [rad]
-    /** In the last tick a joint went as fast as it may, or to the end of `around`, or something barred the way: the command
-    jumped, is too fast, or cannot be reached. */
+    /** True if in the last tick a joint had its largest velocity or reached the end of `around`, or something barred
+    the way. The command then jumped, is too fast, or cannot be reached. */
     bool isHeldBack() const { return isHeldBack_; }
 
 private:

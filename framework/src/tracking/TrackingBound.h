@@ -105,7 +105,7 @@ joint. Between these poses nothing is proven. Masses and places of the payload a
 affine, and nothing is proven between them. Loops are those of the heaviest, the lightest and two mixed arms, places the
 corners of an octahedron around the ball.
 @param limits  of the nominal arm; velocity and acceleration finite
-@param place   of the gains or the set, for messages
+@param place   of the gains or the set, for messages.
 Throws Error (BadInput) for unstable gains (with the largest stable ones), where no bound exists, and for input that is
 not finite.
 Motors: the function does not check them. With motorTorque below lastingTorque the real arm cannot follow. Between

@@ -10,8 +10,8 @@
 
 namespace viable {
 
-/** Gains and bounds of Nric: one number for all joints, or one each. The gains, each >= 0, are the paper's for the Indy7:
-those of another arm follow from scaleGains(), as the plugin's defaults do. */
+/** Gains and bounds of Nric: one number for all joints, or one each. Gains, each >= 0, are the paper's for the
+Indy7: those of another arm follow from scaleGains(), as the plugin's defaults do. */
 struct NricOptions {
     PerJoint kr = 600.0;  ///< on the whole error term [Nms/rad]
     PerJoint kp = 20.0;   ///< weight of the position error [1/s]
@@ -60,24 +60,23 @@ struct NricSettings {
     }
 };
 
-/** The feed-forward of `figures` times `scale`, one number per joint. The Coulomb part passes zero in the kFeedTicks ticks
-that the joint takes at its acceleration limit, so it changes by no more than its double in those. */
+/** The feed-forward of `figures` times `scale`, one number per joint. The Coulomb part passes zero in the kFeedTicks
+ticks that the joint takes at its acceleration limit. So it changes by no more than its double in those. */
 FrictionFeed scaleFriction(const JointFriction& figures, const PerJoint& scale, const JointLimits& limits,
                            double tick_s);
 inline constexpr double kFeedTicks = 5.0;
 
 /** Constant gains that the arm can carry in every pose within its position limits.
 
-Method: sampled, the loop's velocity error is v+ = (I - M^-1 K_r dt) v, which becomes unstable once an
-eigenvalue of M(q)^-1 K_r dt passes 2. So K_r = s diag(d), with d_i the least inertia that joint i
-moves with the other joints free, min over q of 1 / (M(q)^-1)_ii, and s such that the largest of those
-eigenvalues over all poses is 1, half of what is stable; a payload adds inertia, so it adds to the
-distance. K_p = 100 1/s and K_i = 100 1/s^2 (experiments/panda_asymmetric_limits.yaml), but K_p dt
-<= 0.1, and K_i <= K_p / 4 x the slowest velocity loop, min over q of K_r / M_ii(q). And never
-stiffer than the paper's 600, 20 and 8 on the Indy7: K_r <= 600, K_r K_p <= 600 x 20, K_r K_i <= 600 x 8.
-All of it is lowered, by a half at most, where the margins (calcMargins) are enough then.
-Where the inertia of a joint differs much from pose to pose, such gains swing in the heavy ones: scaleGains() gives gains
-that follow the inertia.
+Method: sampled, the loop's velocity error is v+ = (I - M^-1 K_r dt) v, which becomes unstable once an eigenvalue of
+M(q)^-1 K_r dt passes 2. So K_r = s diag(d). Here d_i is the least inertia that joint i moves with the other joints
+free, min over q of 1 / (M(q)^-1)_ii. The factor s makes the largest of those eigenvalues over all poses 1, half of what
+is stable. A payload adds inertia, so it adds to the distance. K_p = 100 1/s and K_i = 100 1/s^2
+(experiments/panda_asymmetric_limits.yaml). But K_p dt <= 0.1, and K_i <= K_p / 4 x the slowest velocity loop, min over
+q of K_r / M_ii(q). And never stiffer than the paper's 600, 20 and 8 on the Indy7: K_r <= 600, K_r K_p <= 600 x 20, K_r
+K_i <= 600 x 8. All of it is lowered, by a half at most, where the margins (calcMargins) are enough then. If the inertia
+of a joint differs much from pose to pose, such gains oscillate in the heavy ones. Then scaleGains() gives gains that
+follow the inertia.
 Assumes: inertias as described. The poses are a fixed sample of 1000, at corners and in between.
 @param tick_s  > 0
 @return        one gain per joint; finite, and zero for an arm without a usable inertia matrix
@@ -88,21 +87,21 @@ class ArmRecursion;
 
 /** Pulls the real arm onto the nominal one (nonlinear robust internal-loop compensator, NRIC).
 
-Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal  (paper, eq. 7)
-with one gain of each per joint; with a finite inertiaRate K_r follows the arm's inertia (LinearErrorLoop). With `friction`
-plus the friction that the nominal velocity would meet: of the true one f(v) there remains f(v) - f(v_n), which damps, and the
-error of the figures (MATH 10). What the
-integral of a joint makes of that joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, at the motor's torque limit
-at the latest. tau_a changes by torqueRate x tick per tick at most, from zero at the
-start. The sum tau_c + tau_a is kept inside the motor's torque limit, and changes by motorRate x tick per tick at most. While
-these cut the torque, the integral does not grow further against them (it may shrink). Where nothing is cut, tau_a is that of
-eq. 7 to the last bit.
-Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is
-unstable. A torqueRate below K_r T / (2 x inertia) slows the loop down: a joint that was held while the
-loop pressed with T [Nm] then overshoots, far below it becomes unstable. So with motorRate, of which tau_c takes its part.
-Guarantees: |tau_c + tau_a| within the motor limits wherever |tau_c| is; |integral| as above; in a tick
-tau_a changes by no more than the larger of torqueRate x tick and, at the motor's limits, the change of
-tau_c; zero as long as e, de and the friction fed forward are.
+Method: tau_a = -K_r (de + K_p e + K_i integral of e dt),  e = q_real - q_nominal  (paper, eq. 7). Each joint has one
+gain of each. With a finite inertiaRate K_r follows the arm's inertia (LinearErrorLoop). With `friction` the loop adds
+the friction that the nominal velocity would meet. The rest of the true friction f(v) is f(v) - f(v_n), which damps, and
+the error of the figures (MATH 10).
+Bounds: the integral's share of a joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, and at the motor's
+torque limit at the latest. Per tick tau_a changes by at most torqueRate x tick, from zero at the start. The sum tau_c +
+tau_a is kept inside the motor's torque limit, and changes by motorRate x tick per tick at most. While these cut the
+torque, the integral does not grow further against them (it may shrink). If nothing is cut, tau_a is that of eq. 7 to
+the last bit.
+Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is unstable. A
+torqueRate below K_r T / (2 x inertia) slows the loop down. A joint that was held while the loop pressed with T [Nm]
+then overshoots. Far below that rate it becomes unstable. The same holds for motorRate, of which tau_c takes its part.
+Guarantees: |tau_c + tau_a| within the motor limits wherever |tau_c| is; |integral| as above. The change of tau_a in a
+tick is at most torqueRate x tick or, at the motor's limits, the change of tau_c. It is zero as long as e, de and the
+friction fed forward are.
 Real time: no allocation, lock or throw after configure(). */
 class Nric : public RobustLoop {
 public:
@@ -123,16 +122,16 @@ private:
     void setGain(const JointVector& q);
 
     int n_ = 0;
-    std::shared_ptr<const ArmRecursion> arm_;  // where it is needed
+    std::shared_ptr<const ArmRecursion> arm_;  // null if it is not needed
     bool followsInertia_ = false, limitsMotorRate_ = false, feedsFriction_ = false;
     JointMatrix gain_;           // K_r
-    JointVector integralLimit_;  // of its torque [Nm]
+    JointVector integralLimit_;  // limit of its torque [Nm]
     double tick_s_ = 0.0;
     LinearErrorLoop loop_;
     JointVector torqueLimit_;
-    JointVector largestStep_;                         // of the torque in a tick [Nm]
-    JointVector largestMotorStep_, lastMotorTorque_;  // of the sum tau_c + tau_a [Nm]
-    JointVector integral_;                            // of e [rad s]
+    JointVector largestStep_;                         // change of the torque in a tick [Nm]
+    JointVector largestMotorStep_, lastMotorTorque_;  // for the sum tau_c + tau_a [Nm]
+    JointVector integral_;                            // integral of e [rad s]
     JointVector lastTorque_;                          // tau_a of the tick before [Nm]
     bool isIntegralHeld_ = false;
 };
