@@ -7,9 +7,9 @@ Usage: words.py [SOURCE_DIR] [--averages]    (--averages: also the words per sen
 
 A sentence ends with a full stop, question mark or exclamation mark before a space and a word that does not begin with a
 small letter. It also ends with its paragraph, item of a list, cell of a table, heading or comment. Semicolons and
-colons end none. A word is what stands between spaces and has a letter or a digit. A code span, a link's address and an
-image are one word, nothing and nothing. Blocks of code (fenced, or indented by four columns) are no prose. There are no
-exceptions for files: a formula that makes a sentence long belongs into a code span or a block.
+colons end none. A word is what stands between spaces and has a letter or a digit. A code span is one word; the address
+of a link, an image and "@param" are none. Blocks of code (fenced, or indented by four columns) are no prose. There are
+no exceptions for files: a formula that makes a sentence long belongs into a code span or a block.
 """
 import re
 import sys
@@ -32,8 +32,7 @@ def split_sentences(lines):
         starts.append((len(text), number))
         text += line.strip() + "\n"
     # A code span keeps its length and becomes one word.
-    text = re.sub(r"(`+)(.+?)\1", lambda m: re.sub(r"[^`]", "x", m[0]), text,
-                  flags=re.DOTALL)
+    text = re.sub(r"(`+)(.+?)\1", lambda m: re.sub(r"[^`]", "x", m[0]), text, flags=re.DOTALL)
     begin = 0
     ends = [m.end() for m in SENTENCE_END.finditer(text)] + [len(text)]
     for end in ends:
@@ -47,7 +46,7 @@ def split_sentences(lines):
 def count_words(sentence):
     text = re.sub(r"!\[[^\]]*\]\([^)]*\)", " ", sentence)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
-    return sum(1 for token in text.split() if re.search(r"\w", token))
+    return sum(1 for token in text.split() if re.search(r"\w", token) and not token.startswith("@"))
 
 
 def find_page_blocks(text):
@@ -111,11 +110,12 @@ def find_header_blocks(text):
     for comment in find_comments(text):
         full = [line for _, line in comment[1:] if line.strip()] or [comment[0][1]]
         indent = min(len(line) - len(line.lstrip()) for line in full)
-        block = []
+        block, hangs = [], False
         for index, (number, line) in enumerate(comment):
-            deep = index > 0 and len(line) - len(line.lstrip()) >= indent + 4
             is_parameter = line.strip().startswith("@")
-            table = not is_parameter and re.search(r"\S {3,}\S", line.strip())
+            hangs = is_parameter or bool(ITEM.match(line)) or (hangs and bool(block))  # its text may stand farther right
+            deep = index > 0 and len(line) - len(line.lstrip()) >= indent + 4 and not hangs
+            table = not hangs and re.search(r"\S {3,}\S", line.strip())
             if (not line.strip() or deep or table or is_parameter or ITEM.match(line)) and block:
                 yield block
                 block = []
@@ -152,11 +152,12 @@ def check_itself():
     pages = ["{}.", "First. {}. Last.", "Text:\n\n- item\n- {}.\n", "1. {}\n2. item", "| a | {} |\n|---|---|", "# {}",
              "> {}", "```\ncode\n```\n{}", "- item\n\n    {}", "**Bold.** {}! More", "({}.) Next.", "{}\n\nNext"]
     headers = ["/** {}. */", "int a;  ///< {}\nint b;  ///< next", "// {}", "/** First. {}.\n*/", "/* {}\n\nNext */",
-               "/** - item\n- {} */", "/** a   {}   b */", 'f("//");  // {}', "/** a\n\n{}\n\n    code = 1\n*/"]
+               "/** - item\n- {} */", "/** a   {}   b */", 'f("//");  // {}', "/** a\n\n{}\n\n    code = 1\n*/",
+               "/** a\n@param {}\n*/", "/** a\n@return\n        {}\n*/"]
     words = ["word", "`a span of code`", "[word](to/a/page.md)", "word\n", "word;", "word:", "no. ", "(word)", "1.5"]
     for form, is_header in [(form, False) for form in pages] + [(form, True) for form in headers]:
         for word in words:
-            if "\n" in word and ("|" in form or "//" in form or "#" in form):
+            if "\n" in word and any(mark in form for mark in ("|", "//", "#", "a   ")):
                 continue
             for count in (LONGEST, LONGEST + 1):
                 text = form.format(" ".join(["One"] + [word] * (count - 2) + ["end"]))

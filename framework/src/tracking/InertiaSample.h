@@ -33,7 +33,7 @@ bool isSound(const FrictionFeed& feed, int n);
 
 /** Friction to be fed forward, without the rest of a feed that is not active. Throws Error (BadInput) where it does not fit n
 joints. */
-FrictionFeed checkFriction(const FrictionFeed& feed, int n);
+FrictionFeed expandFriction(const FrictionFeed& feed, int n);
 
 /** K_r at the inertia M. No allocation. */
 JointMatrix calcLoopGain(const LinearErrorLoop& loop, const JointMatrix& M);

@@ -26,7 +26,7 @@ JointVector expand(const PerJoint& values, const std::string& place, const char*
 }
 
 /** The gains of `n` joints, checked. */
-JointVector checkGains(const PerJoint& gains, const char* name, int n) {
+JointVector expandGains(const PerJoint& gains, const char* name, int n) {
     const std::string place = std::string("NricOptions::") + name;
     const JointVector values = expand(gains, place, "gains", n);
     for (int i = 0; i < n; ++i)
@@ -39,7 +39,7 @@ JointVector checkGains(const PerJoint& gains, const char* name, int n) {
 }
 
 /** The bounds of `n` joints, checked. */
-JointVector checkBounds(const PerJoint& bounds, const char* name, int n) {
+JointVector expandBounds(const PerJoint& bounds, const char* name, int n) {
     const std::string place = std::string("NricOptions::") + name;
     const JointVector values = expand(bounds, place, "bounds", n);
     for (int i = 0; i < n; ++i)
@@ -64,7 +64,7 @@ bool detail::isSound(const FrictionFeed& feed, int n) {
            isWithin(feed.speed, kAboveZero);
 }
 
-FrictionFeed detail::checkFriction(const FrictionFeed& feed, int n) {
+FrictionFeed detail::expandFriction(const FrictionFeed& feed, int n) {
     if (!feed.isActive()) return {};
     if (!isSound(feed, n))
         throw badInput("NricOptions::friction",
@@ -121,14 +121,14 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    loop_ = {checkGains(options.kr, "kr", n_),
-             checkGains(options.kp, "kp", n_),
-             checkGains(options.ki, "ki", n_),
-             checkBounds(options.integralLimit, "integralLimit", n_),
-             checkBounds(options.torqueRate, "torqueRate", n_),
+    loop_ = {expandGains(options.kr, "kr", n_),
+             expandGains(options.kp, "kp", n_),
+             expandGains(options.ki, "ki", n_),
+             expandBounds(options.integralLimit, "integralLimit", n_),
+             expandBounds(options.torqueRate, "torqueRate", n_),
              options.inertiaRate,
-             detail::checkFriction(options.friction, n_),
-             checkBounds(options.motorRate, "motorRate", n_)};
+             detail::expandFriction(options.friction, n_),
+             expandBounds(options.motorRate, "motorRate", n_)};
     feedsFriction_ = loop_.friction.isActive();
     if (!(options.inertiaRate > 0.0))
         throw badInput("NricOptions::inertiaRate",

@@ -44,7 +44,7 @@ constexpr double kFirstPhase = 4.0;
 /** The damping of the loop suits velocities up to so many times the nominal ones; no matter of validity. */
 constexpr double kRoom = 1.3;
 
-JointVector calcLargest(const JointBounds& bounds) {
+JointVector calcLargestBound(const JointBounds& bounds) {
     return bounds.lower.cwiseAbs().cwiseMax(bounds.upper.cwiseAbs());
 }
 
@@ -82,8 +82,9 @@ public:
           kr_(gains.kr.expand(n_)),
           kp_(gains.kp.expand(n_)),
           ki_(gains.ki.expand(n_)),
-          feed_(detail::checkFriction(gains.friction, robot.size())),
-          motion_{calcLargest(limits.velocity), calcLargest(limits.acceleration), calcLargest(limits.jerk)} {
+          feed_(detail::expandFriction(gains.friction, robot.size())),
+          motion_{calcLargestBound(limits.velocity), calcLargestBound(limits.acceleration),
+                  calcLargestBound(limits.jerk)} {
         for (int i = 0; i < n_; ++i) {
             if (std::isfinite(motion_.velocity[i]) && std::isfinite(motion_.acceleration[i])) continue;
             throw badInput(place,

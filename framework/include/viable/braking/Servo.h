@@ -26,7 +26,7 @@ public:
     Servo& operator=(Servo&&) noexcept;
 
     /** @param limits  jerk limits finite (see checkLimits)
-        @param share   in (0, 1]: of acceleration and jerk limits that the motion relative to the target may take; the
+        @param share   share of acceleration and jerk limits in (0, 1] for the motion relative to the target. The
                        rest is for the target's own motion. 1 for targets that jump and rest. */
     void configure(const JointLimits& limits, double tick_s, double share = 1.0);
     void reset(const MotionState& start);

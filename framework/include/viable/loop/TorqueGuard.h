@@ -114,13 +114,11 @@ public:
     void start(const JointState& measured);
 
     /** One tick.
-    @param measured  joint positions [rad, prismatic: m] and velocities [rad/s, m/s], read just now, one
-                     entry per joint (from a driver's array:
-                     `measured.q = Eigen::Map<const Eigen::VectorXd>(array, n)`)
-    @param law       called at most once, as law(const MotionState& nominal, const Dynamics& dynamics,
-                     JointVector& torque): writes tau_d [Nm], one finite entry per joint, from the state
-                     of the nominal arm and its dynamics there (see Dynamics). `torque` comes as NaN:
-                     what is forgotten counts as no torque.
+    @param measured  joint positions [rad, prismatic: m] and velocities [rad/s, m/s], read just now, one entry per joint
+                     (from a driver's array: `measured.q = Eigen::Map<const Eigen::VectorXd>(array, n)`)
+    @param law       called at most once, as law(const MotionState& nominal, const Dynamics& dynamics, JointVector&
+                     torque). It writes tau_d [Nm], one finite entry per joint, from the state of the nominal arm and
+                     its dynamics there (see Dynamics). `torque` comes as NaN: what is forgotten counts as no torque.
     @return          valid until the next call */
     template <class Law>
     const GuardedTorque& step(const JointState& measured, Law&& law) noexcept {
