@@ -89,7 +89,7 @@ int verify(const VerifyArguments& arguments) {
     const std::vector<AxisLimits> limits = findLimits(arguments, record, missing);
     JudgeOptions options = arguments.judge;
     options.hasCurves = !arguments.json.empty() || arguments.report;
-    const RecordVerdict verdict = judgeLimits(record, limits, options);
+    const RecordVerdict verdict = checkRecord(record, limits, options);
     const std::string json = options.hasCurves ? writeJson(verdict, record) : "";
     if (!arguments.json.empty()) replaceFile(arguments.json, json);
     std::fputs(writeText(verdict).c_str(), stdout);

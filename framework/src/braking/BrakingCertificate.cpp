@@ -158,7 +158,7 @@ void BrakingCertificate::reset(const AxisState& state) {
     const Walk here(state);
     if (!planWithin(state, here.extremes(), stored_)) stored_.plan(state.v, state.a, limits_, tick_s_);
     mayExceed_ = true;
-    judge();
+    checkStop();
 }
 
 /** The stop of fewest ticks, or another close to it, that keeps the bounds. */
@@ -174,7 +174,7 @@ bool BrakingCertificate::planWithin(const AxisState& from, const PathExtremes& b
 }
 
 /** Which limits the backup stop passes from this state on, and the bounds that follow from it. */
-void BrakingCertificate::judge() {
+void BrakingCertificate::checkStop() {
     excess_ = {};
     bounds_ = limits_;
     allowed_ = rounding_;
@@ -267,7 +267,7 @@ bool BrakingCertificate::beginTick(const AxisState& state) {
         GridStop rest;  // what rounding left at the end of the stop would carry the joint on for ever
         if (rest.plan(state.v, state.a, limits_, tick_s_)) stored_ = rest;
     }
-    judge();
+    checkStop();
     return true;
 }
 

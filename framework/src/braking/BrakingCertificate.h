@@ -101,7 +101,7 @@ private:
     bool planWithin(const AxisState& from, const PathExtremes& before, GridStop& stop) const;
     const Candidate* findCandidate(double jerk) const;
     bool keepsBounds(const GridStop& stop, const AxisState& from, const PathExtremes& before) const;
-    void judge();
+    void checkStop();
     void followStored();
     bool isExpected(const AxisState& state) const;
     bool tryTick(double jerk, Candidate& candidate, PathExtremes& path) const;

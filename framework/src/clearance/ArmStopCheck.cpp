@@ -91,13 +91,13 @@ public:
     bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
         return check_.motion_.calcWay(index_, from.sample, to.sample);
     }
-    bisection::Look lookRoughly(int sample) {
+    bisection::Look calcRough(int sample) {
         --check_.distances_;
         const ElementDistance::Rough rough =
             check_.distance_.calcRough(element_, check_.motion_.getPose(index_, sample));
         return {sample, rough.clearance, rough.ofMiddle, true};
     }
-    void look(bisection::Look& look) {
+    void refine(bisection::Look& look) {
         if (!look.isRough) return;
         look.isRough = false;
         look.clearance = check_.distance_.calc(element_, check_.motion_.getPose(index_, look.sample), look.ofMiddle,
@@ -165,7 +165,7 @@ bool ArmStopCheck::isKnown(std::size_t e, const Demands& demands) {
 
 /** True when element e keeps what is demanded.
 @param mustBeGood  else where it is nearest need not be known */
-bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) {
+bool ArmStopCheck::checkElement(std::size_t e, const Demands& demands, bool mustBeGood) {
     places_[e] = {};
     found_[e] = {};
     isLooked_[e] = 1;
@@ -192,9 +192,9 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
         }
     }
     bisection::Look begin;
-    if (isOpen[0]) begin = subject.lookRoughly(0);
+    if (isOpen[0]) begin = subject.calcRough(0);
     if (isOpen[0] && !(begin.clearance >= demand.least)) {
-        if (hasBudget()) subject.look(begin);
+        if (hasBudget()) subject.refine(begin);
         if (demands.beginsAbove) begin.clearance = std::max(begin.clearance, demand.floor);
         const bool hasStayed = begin.clearance >= demands.reached[e] - bisection::kRounding_m;
         const double kept = hasStayed ? std::max(begin.clearance, demands.reached[e]) : begin.clearance;
@@ -202,8 +202,8 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
     }
     // Where another path of this tick came too near this one probably does, too.
     if (mustBeGood && failedAt_[e] >= 0) {
-        bisection::Look again = subject.lookRoughly(failedAt_[e]);
-        if (hasBudget() && again.clearance < demand.least) subject.look(again);
+        bisection::Look again = subject.calcRough(failedAt_[e]);
+        if (hasBudget() && again.clearance < demand.least) subject.refine(again);
         if (!again.isRough && again.clearance < demand.least - bisection::kRounding_m) return false;
     }
     const auto proveFrom = [&](int part) {  // all that is open around it
@@ -212,8 +212,8 @@ bool ArmStopCheck::look(std::size_t e, const Demands& demands, bool mustBeGood) 
         while (part > 0 && isOpenAt(part - 1)) --part;
         while (last + 1 < kParts && isOpenAt(last + 1)) ++last;
         for (int k = part; k <= last; ++k) isOpen[static_cast<std::size_t>(k)] = false;
-        bisection::Look from = part == 0 ? begin : subject.lookRoughly(part * kSamples);
-        bisection::Look to = subject.lookRoughly((last + 1) * kSamples);
+        bisection::Look from = part == 0 ? begin : subject.calcRough(part * kSamples);
+        bisection::Look to = subject.calcRough((last + 1) * kSamples);
         bisection::prove(demand, subject, from, to, found_[e]);
     };
     if (isOpen[static_cast<std::size_t>(nearest)]) proveFrom(nearest);
@@ -252,7 +252,7 @@ void ArmStopCheck::examineWith(const ArmPath& path, double time_s, const Demands
         isLooked_[e] = 0;
         chooseKnown(e);
         if (isKnown(e, demands)) continue;
-        const bool isKept = look(e, demands, mustBeGood);
+        const bool isKept = checkElement(e, demands, mustBeGood);
         if (found_[e].all.seen < demands.ahead[e]) result.isAhead = false;
         if (isKept) continue;
         result.isClear = false;
@@ -303,12 +303,12 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
         }
         if (!hasBudget()) return;
         if (isLooked_[nearest]) {
-            Subject(*this, nearest).look(found_[nearest].rough);
+            Subject(*this, nearest).refine(found_[nearest].rough);
             found_[nearest].rough = {};
             continue;
         }
-        source_ = nullptr;              // all of it
-        look(nearest, demands, false);  // that it is kept is known
+        source_ = nullptr;                      // all of it
+        checkElement(nearest, demands, false);  // that it is kept is known
     }
 }
 

@@ -160,7 +160,7 @@ private:
     void setKnown(const ArmPath& path, const KnownPaths& known);
     void chooseKnown(std::size_t e);
     bool isKnown(std::size_t e, const Demands& demands);
-    bool look(std::size_t e, const Demands& demands, bool mustBeGood);
+    bool checkElement(std::size_t e, const Demands& demands, bool mustBeGood);
     bool hasBudget() const { return distances_ > 0; }
     void findNearest(const Demands& demands, Result& result);
     template <class Room, class Use>

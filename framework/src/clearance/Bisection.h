@@ -113,8 +113,8 @@ inline double calcBound(const Look& from, const Look& to, const Way& way, double
 @param clearance  answers
     double radius()                                     r
     Way calcWay(const Look& from, const Look& to)
-    Look lookRoughly(int sample)                        quick, a lower bound
-    void look(Look& look)                               closely, where it is rough
+    Look calcRough(int sample)                          quick, a lower bound
+    void refine(Look& look)                               closely, where it is rough
     bool hasBudget() const                              false: nothing more may be looked at closely */
 template <class Clearance>
 void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Result& result) {
@@ -131,7 +131,7 @@ void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Res
     if (bound < demand.ahead && (from.isRough || to.isRough)) {
         const double enough = demand.ahead + (lowest - bound);
         for (Look* look : {&from, &to})
-            if (clearance.hasBudget() && !(look->clearance >= enough)) clearance.look(*look);
+            if (clearance.hasBudget() && !(look->clearance >= enough)) clearance.refine(*look);
         compare();
     }
     // With half of what is beyond `ahead` in reserve the bound is still good for paths that are near this one.
@@ -152,7 +152,7 @@ void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Res
         result.isKept = result.isKept && keepsLeast && keepsFloor;
         return settle(bound, from, to, result);
     }
-    Look between = clearance.lookRoughly(middle);
+    Look between = clearance.calcRough(middle);
     between.clearance = std::max(between.clearance, bound);
     // The nearer side first: it may make looks at the other one needless.
     const bool isToNearer = to.clearance < from.clearance;

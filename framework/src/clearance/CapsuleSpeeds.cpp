@@ -23,7 +23,7 @@ CapsuleSpeeds::CapsuleSpeeds(const RobotDescription& robot, std::vector<LinkCaps
       position_(JointVector::Zero(n_)),
       velocity_(JointVector::Zero(n_)) {}
 
-void CapsuleSpeeds::look(const ArmPath& path, double time_s) {
+void CapsuleSpeeds::sample(const ArmPath& path, double time_s) {
     path.calcMotion(time_s, position_, velocity_);
     motion_.calcPose(position_, pose_);
     const ArmRecursion::Frames& frames = pose_.frames;

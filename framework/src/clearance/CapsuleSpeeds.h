@@ -27,7 +27,7 @@ public:
     const ArmRecursion& arm() const { return arm_; }
 
     /** To a time of a path. */
-    void look(const ArmPath& path, double time_s);
+    void sample(const ArmPath& path, double time_s);
     /** Of the last look: */
     const CapsuleMotion::Pose& pose() const { return pose_; }
     const JointVector& velocity() const { return velocity_; }  ///< of the joints

@@ -80,11 +80,11 @@ void PeopleCheck::settle(const Pair& pair, double bound) {
 }
 
 /** False: it is over, as a look was too near. */
-bool PeopleCheck::look(double time_s, bool isBegin, const std::vector<int>& open, Look& look) {
+bool PeopleCheck::sample(double time_s, bool isBegin, const std::vector<int>& open, Look& look) {
     --left_;
     --leftOfPath_;
     look.time_s = time_s;
-    speeds_.look(*path_, time_s);
+    speeds_.sample(*path_, time_s);
     path_->calcPositions(time_s, position_, look.travel);
     for (std::size_t k = 0; k < speeds_.size(); ++k) {
         look.segments[k] = speeds_.pose().segments[k];
@@ -155,7 +155,7 @@ bool PeopleCheck::prove(const Look& from, const Look& to, int depth, const std::
     if (left.empty()) return true;
     Look& middle = middle_[static_cast<std::size_t>(depth)];
     // The list of this depth lives until both halves are done: they use those of the next ones.
-    return look((from.time_s + to.time_s) / 2.0, false, left, middle) && prove(from, middle, depth + 1, left) &&
+    return sample((from.time_s + to.time_s) / 2.0, false, left, middle) && prove(from, middle, depth + 1, left) &&
            prove(middle, to, depth + 1, left);
 }
 
@@ -192,7 +192,7 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
             all.push_back(static_cast<int>(index));
     }
     if (all.empty()) return;
-    look(0.0, true, all, begin_);
+    sample(0.0, true, all, begin_);
     speeds_.setPath(extremes);
     for (std::size_t k = 0; k < speeds_.size(); ++k) {
         parts_[k].bend = speeds_.motion().calcBend(static_cast<int>(k), -1);
@@ -214,8 +214,9 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
     }
     if (inQuestion_.empty()) return;
     // The end of the tick is where the next path begins. Where the path ends people have come nearest.
-    if (path.duration() > tick_s_ && !look(path.duration(), false, inQuestion_, end_)) return;
-    if (look(tick_s_, false, inQuestion_, first_) && prove(begin_, first_, 0, inQuestion_) && path.duration() > tick_s_)
+    if (path.duration() > tick_s_ && !sample(path.duration(), false, inQuestion_, end_)) return;
+    if (sample(tick_s_, false, inQuestion_, first_) && prove(begin_, first_, 0, inQuestion_) &&
+        path.duration() > tick_s_)
         prove(first_, end_, 0, inQuestion_);
 }
 
@@ -238,7 +239,7 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
         before = next;
         const auto k = static_cast<std::size_t>(pair.capsule);
         const PeopleWatch::Known& known = watch_->known()[static_cast<std::size_t>(pair.person)];
-        speeds_.look(stops.path, pair.time_s);
+        speeds_.sample(stops.path, pair.time_s);
         const CapsuleMotion::Segment& segment = speeds_.pose().segments[k];
         ElementDistance::Place place;
         for (int j = 0; j < known.count; ++j) {

@@ -87,7 +87,7 @@ private:
         return growth_[static_cast<std::size_t>(person)] + speed_[static_cast<std::size_t>(person)] * t;
     }
     double calcDistance(const Pair& pair, const CapsuleMotion::Segment& segment, double radius, double rest_s) const;
-    bool look(double time_s, bool isBegin, const std::vector<int>& open, Look& look);
+    bool sample(double time_s, bool isBegin, const std::vector<int>& open, Look& look);
     bool prove(const Look& from, const Look& to, int depth, const std::vector<int>& open);
     void settle(const Pair& pair, double bound);
 

@@ -77,11 +77,11 @@ double SpeedCheck::findLimit(const Part& part, const CapsuleMotion::Segment& seg
 }
 
 /** False: it is over, as a look was too fast. */
-bool SpeedCheck::look(double time_s, bool isBegin, Look& look) {
+bool SpeedCheck::sample(double time_s, bool isBegin, Look& look) {
     --left_;
     --leftOfPath_;
     look.time_s = time_s;
-    speeds_.look(*path_, time_s);
+    speeds_.sample(*path_, time_s);
     for (std::size_t k = 0; k < parts_.size(); ++k) {
         Part& part = parts_[k];
         look.segments[k] = speeds_.pose().segments[k];
@@ -138,7 +138,7 @@ bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
     // A path that is too fast is not looked at to the last: where it is fastest is known well enough.
     if (!result_->isKept && most <= result_->seen + kGuard) return settle();
     Look& middle = middle_[static_cast<std::size_t>(depth)];
-    return look((from.time_s + to.time_s) / 2.0, false, middle) && prove(from, middle, depth + 1) &&
+    return sample((from.time_s + to.time_s) / 2.0, false, middle) && prove(from, middle, depth + 1) &&
            prove(middle, to, depth + 1);
 }
 
@@ -152,13 +152,13 @@ void SpeedCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes,
     result_ = &result;
     leftOfPath_ = kMostOfPath;
     for (Part& part : parts_) part.use = 0.0;
-    look(0.0, true, begin_);
+    sample(0.0, true, begin_);
     speeds_.setPath(extremes);
     for (std::size_t k = 0; k < parts_.size(); ++k)
         parts_[k].bendRate = speeds_.motion().calcBendRate(static_cast<int>(k));
     // The end of the tick is where the next path begins.
-    if (look(tick_s_, false, first_) && prove(begin_, first_, 0) && path.duration() > tick_s_ &&
-        look(path.duration(), false, end_))
+    if (sample(tick_s_, false, first_) && prove(begin_, first_, 0) && path.duration() > tick_s_ &&
+        sample(path.duration(), false, end_))
         prove(first_, end_, 0);
 }
 
@@ -176,7 +176,7 @@ void SpeedCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Row
         last = part.use;
         before = k;
         stops.other.calcMotion(std::min(part.time_s, stops.other.duration()), otherPosition_, there);
-        speeds_.look(stops.path, part.time_s);
+        speeds_.sample(stops.path, part.time_s);
         const CapsuleSpeeds::Fastest fastest = speeds_.calcFastest(k);
         if (!(fastest.speed > 0.0)) continue;
         const Eigen::Vector3d direction = fastest.velocity / fastest.speed;

@@ -82,7 +82,7 @@ private:
 
     static std::vector<LinkCapsule> listCapsules(const RobotDescription& robot, const ArmGeometry* geometry);
     double findLimit(const Part& part, const CapsuleMotion::Segment& segment, double margin) const;
-    bool look(double time_s, bool isBegin, Look& look);
+    bool sample(double time_s, bool isBegin, Look& look);
     bool prove(const Look& from, const Look& to, int depth);
 
     int n_;

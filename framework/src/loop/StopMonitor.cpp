@@ -205,14 +205,14 @@ void StopMonitor::keepFinding(Fault fault, int joint, LimitKind limit, LimitSide
 }
 
 /** A jerk beyond its limit is the cause of all that follows from it: nothing else outweighs it. */
-void StopMonitor::judgeTickJerk(int i, double jerk) {
+void StopMonitor::checkTickJerk(int i, double jerk) {
     const double below = bounds_[i].jerkLower - jerk, above = jerk - bounds_[i].jerkUpper;
     const LimitSide side = above > below ? LimitSide::Upper : LimitSide::Lower;
     const double excess = std::max(below, above);
     if (excess > tolerances_[i].jerk) keepFinding(Fault::Limit, i, LimitKind::Jerk, side, excess, 0.0);
 }
 
-void StopMonitor::judgeJoint(int i, const Path& path, bool judgesRates, bool judgesRest) {
+void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool checksRest) {
     const AxisLimits &limit = limits_[i], &bound = bounds_[i];
     const Tolerances& tolerance = tolerances_[i];
     const auto checkSide = [&](LimitKind kind, LimitSide side, double beyondBound, double beyondLimit, double allowed) {
@@ -234,12 +234,12 @@ void StopMonitor::judgeJoint(int i, const Path& path, bool judgesRates, bool jud
           tolerance.position);
     check(LimitKind::Velocity, path.extent.velocity, &AxisLimits::velocityLower, &AxisLimits::velocityUpper,
           tolerance.velocity);
-    if (judgesRates) {
+    if (checksRates) {
         check(LimitKind::Acceleration, path.extent.acceleration, &AxisLimits::accelerationLower,
               &AxisLimits::accelerationUpper, tolerance.acceleration);
         check(LimitKind::Jerk, path.jerk, &AxisLimits::jerkLower, &AxisLimits::jerkUpper, tolerance.jerk);
     }
-    if (!judgesRest) return;
+    if (!checksRest) return;
     const auto checkRest = [&](LimitKind kind, double x, const detail::PathExtent::Range& range, double allowed) {
         allowed = widenTolerance(widenTolerance(allowed, range.lower), range.upper);
         if (std::abs(x) > allowed)
@@ -249,7 +249,7 @@ void StopMonitor::judgeJoint(int i, const Path& path, bool judgesRates, bool jud
     checkRest(LimitKind::Acceleration, path.extent.a(), path.extent.acceleration, tolerance.acceleration);
 }
 
-void StopMonitor::judge(const MotionState& nominal, const FilterDecision& decision, const Plan& plan) {
+void StopMonitor::checkDecision(const MotionState& nominal, const FilterDecision& decision, const Plan& plan) {
     finding_ = {};
     worst_ = 0.0;
     isRecovering_.fill(false);
@@ -261,14 +261,14 @@ void StopMonitor::judge(const MotionState& nominal, const FilterDecision& decisi
         Path path = beginPath(nominal.q[i], nominal.qd[i], holdsJerk ? nominal.qdd[i] : value, i);
         path.extent.follow(holdsJerk ? jerk : 0.0, tick_s_);
         path.jerk.include(jerk);
-        const bool judgesRates = holdsJerk || guaranteed_;
-        if (judgesRates) judgeTickJerk(i, jerk);
+        const bool checksRates = holdsJerk || guaranteed_;
+        if (checksRates) checkTickJerk(i, jerk);
         if (!followPlan(plan, i, path)) {
             keepFinding(Fault::Malformed, i, LimitKind::None, LimitSide::Neither, kInfinity, 1.0);
             reports_[i] = {-kInfinity, kInfinity, kNan};
             continue;
         }
-        judgeJoint(i, path, judgesRates, plan.held == HeldQuantity::Jerk);
+        checkJoint(i, path, checksRates, plan.held == HeldQuantity::Jerk);
         reports_[i] = {std::min(limits_[i].positionUpper - path.extent.position.upper,
                                 path.extent.position.lower - limits_[i].positionLower),
                        path.stop_s, path.extent.p()};
@@ -283,17 +283,17 @@ const StopMonitor::Finding& StopMonitor::examine(const MotionState& nominal, con
         readSuppliedStops(decision);
     else
         planStop(next_, decision.held);
-    judge(nominal, decision, examined_);
+    checkDecision(nominal, decision, examined_);
     bool isOwn = !hasSuppliedStops;
     if (finding_.verdict == StopVerdict::NoStop && hasSuppliedStops && !guaranteed_) {
         planStop(next_, decision.held);
-        judge(nominal, decision, examined_);
+        checkDecision(nominal, decision, examined_);
         isOwn = true;
     }
     if (finding_.verdict == StopVerdict::NoStop && isOwn) {
         for (int i = 0; i < n_; ++i)
             if (fails_[i]) planCarefully(next_, i);
-        judge(nominal, decision, examined_);
+        checkDecision(nominal, decision, examined_);
     }
     return finding_;
 }
@@ -371,7 +371,7 @@ const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal, 
     decision.hasStops = false;
     next_ = nominal;
     advanceNominal(decision, tick_s_, next_);
-    judge(nominal, decision, ready_);
+    checkDecision(nominal, decision, ready_);
     tightenBounds();
     return finding_;
 }

@@ -102,9 +102,9 @@ private:
     Path beginPath(double p, double v, double a, int joint) const;
     /** Follows a joint's stop; false when it is malformed. */
     bool followPlan(const Plan& plan, int joint, Path& path) const;
-    void judge(const MotionState& nominal, const FilterDecision& decision, const Plan& plan);
-    void judgeTickJerk(int joint, double jerk);
-    void judgeJoint(int joint, const Path& path, bool judgesRates, bool judgesRest);
+    void checkDecision(const MotionState& nominal, const FilterDecision& decision, const Plan& plan);
+    void checkTickJerk(int joint, double jerk);
+    void checkJoint(int joint, const Path& path, bool checksRates, bool checksRest);
     void keepFinding(Fault fault, int joint, LimitKind limit, LimitSide side, double excess, double tolerance);
     /** The extremes of the backup stop, from `from` on, as bounds where they are beyond the limits. */
     AxisLimits calcBounds(const MotionState& from, int joint) const;
@@ -121,7 +121,7 @@ private:
     Plan ready_, examined_;
     MotionState next_;                                         // where the decision leads to
     std::array<bool, kMaxJoints> isRecovering_{}, isLoose_{};  // loose: bounds_ is not limits_
-    std::array<bool, kMaxJoints> fails_{};                     // in the last judge()
+    std::array<bool, kMaxJoints> fails_{};                     // in the last checkDecision()
     std::array<Way, kMaxJoints> ways_{};
     std::array<TickRecord::Stop, kMaxJoints> reports_{};
     Finding finding_;

@@ -164,7 +164,7 @@ public:
     /** The reading of this tick, or what stands for it. */
     ReadingFault take(const JointState& reading, const JointVector* external, const MotionState& nominal) {
         wasDriven_ = hasReading_ = false;
-        ReadingFault fault = judge(reading, nominal);
+        ReadingFault fault = checkReading(reading, nominal);
         if (external && (!isFinite(*external, n_) || external->lpNorm<Eigen::Infinity>() > kLargestExternalTorque))
             fault = ReadingFault::Malformed;
         if (fault != ReadingFault::None || !isTrusted_) {
@@ -211,7 +211,7 @@ public:
     bool isSaturated() const { return (motors_.cwiseAbs().array() >= torqueLimit_.array()).any(); }
 
 private:
-    ReadingFault judge(const JointState& reading, const MotionState& nominal) const {
+    ReadingFault checkReading(const JointState& reading, const MotionState& nominal) const {
         if (!isFinite(reading, n_)) return ReadingFault::Malformed;
         for (int i = 0; i < n_; ++i)
             if (!sensors_.isPlausible(i, reading, nominal)) return ReadingFault::Jumped;

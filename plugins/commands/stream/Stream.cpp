@@ -108,7 +108,7 @@ TickStatus Stream::sample(double t, MotionCommand& out) {
         if (size < 0) break;
         const std::int64_t now_ns = clock_();
         TargetAnswer answer;
-        answer.verdict = judge(message, size, now_ns);
+        answer.verdict = checkTarget(message, size, now_ns);
         if (answer.verdict == TargetVerdict::Taken && message.kind == TargetMessage::Kind::Goodbye) {
             sender_ = 0;
             continue;
@@ -129,7 +129,7 @@ TickStatus Stream::sample(double t, MotionCommand& out) {
     return TickStatus::Ok;
 }
 
-TargetVerdict Stream::judge(const TargetMessage& m, std::ptrdiff_t size, std::int64_t now_ns) const {
+TargetVerdict Stream::checkTarget(const TargetMessage& m, std::ptrdiff_t size, std::int64_t now_ns) const {
     if (size < static_cast<std::ptrdiff_t>(kTargetHeader) || m.magic != TargetMessage::kMagic ||
         m.version != TargetMessage::kVersion || m.sender == 0 || m.kind > TargetMessage::Kind::Goodbye ||
         m.count > kMaxJoints || size != static_cast<std::ptrdiff_t>(kTargetHeader + 8 * m.count))

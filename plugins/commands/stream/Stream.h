@@ -36,7 +36,7 @@ public:
 
 private:
     bool isTool() const { return first_.space == MotionCommand::Space::Tool; }
-    TargetVerdict judge(const TargetMessage& message, std::ptrdiff_t size, std::int64_t now_ns) const;
+    TargetVerdict checkTarget(const TargetMessage& message, std::ptrdiff_t size, std::int64_t now_ns) const;
     void take(const TargetMessage& message);
 
     const std::function<std::int64_t()> clock_;

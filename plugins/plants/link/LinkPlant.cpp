@@ -301,7 +301,7 @@ std::int64_t LinkPlant::calcAge() const noexcept {
     return static_cast<std::int64_t>(received_.sequence - answered_[received_.echo % answered_.size()]);
 }
 
-const char* LinkPlant::judgeAge() noexcept {
+const char* LinkPlant::checkAge() noexcept {
     const std::int64_t age = calcAge();
     ageTicks_ += age < 0 ? kMostAge : std::min(age, kMostAge);  // one pause of this program is no slow line
     if (++ages_ < kClockStates) return nullptr;
@@ -317,7 +317,7 @@ const char* LinkPlant::judgeAge() noexcept {
     return why_;
 }
 
-const char* LinkPlant::judgeFollowing() noexcept {
+const char* LinkPlant::checkFollowing() noexcept {
     clock_.add(received_.sequence, received_.time_ns);
     if (clock_.isWrong()) {
         std::snprintf(why_, sizeof why_,
@@ -329,7 +329,7 @@ const char* LinkPlant::judgeFollowing() noexcept {
     if (!hasSent_) return nullptr;
     if (!(received_.flags & VL_HOLDS)) {
         hasFollowed_ = true;
-        return judgeAge();
+        return checkAge();
     }
     if (hasFollowed_) return "it holds itself and follows no torque any more; see what its driver says";
     if (++holdingTicks_ <= mostUnderWay_ + kMostHolding) return nullptr;
@@ -478,7 +478,7 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
     }
     readState();
     if (const char* trouble = findTrouble()) return fail(trouble);
-    if (const char* trouble = judgeFollowing()) return fail(trouble);
+    if (const char* trouble = checkFollowing()) return fail(trouble);
     // Until the first read() it has held itself: no tick was missed.
     if (readSequence_ != 0) ticksPassed = static_cast<std::int64_t>(received_.sequence - readSequence_);
     readSequence_ = received_.sequence;

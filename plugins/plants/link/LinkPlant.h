@@ -137,11 +137,11 @@ private:
     /** Why the robot does not follow torques; null: it does. */
     const char* findTrouble() const;
     /** Whether it follows the torques; null: as far as can be told. */
-    const char* judgeFollowing() noexcept;
+    const char* checkFollowing() noexcept;
     /** Ticks from the state that the last torque heard answers to this one; -1: not known. */
     std::int64_t calcAge() const noexcept;
     /** Whether torques act as late in the mean that the gains do not hold any more; null: no. */
-    const char* judgeAge() noexcept;
+    const char* checkAge() noexcept;
     TickStatus fail(const char* why) noexcept;
     const char* writePackets() noexcept;
 

@@ -62,13 +62,13 @@ TEST(LimitVerdict, IsRightOnAPopulationOfRecords) {
     for (int seed = 1; seed <= records; ++seed) {
         SyntheticRecord one(static_cast<std::uint64_t>(seed));
         const auto touched = findTouched(one);
-        const auto clean = judgeLimits(one.record, {makeLimits(touched)});
+        const auto clean = checkRecord(one.record, {makeLimits(touched)});
         cleanButBroken += clean.overall() == Finding::Broken;
         for (std::size_t order = 0; order < 4; ++order)
             tells[order] += clean.joints[0].limits[order].finding == Finding::Held;
 
         const auto exceeded = findExceeded(one, touched);
-        const auto beyond = judgeLimits(one.record, {makeLimits(exceeded)});
+        const auto beyond = checkRecord(one.record, {makeLimits(exceeded)});
         const auto count = [&](const LimitVerdict& limit, std::size_t order, double size) {
             if (!(size > 0.0) || limit.visibleExcess > 0.1 * size) return;
             ++could[order];
@@ -79,7 +79,7 @@ TEST(LimitVerdict, IsRightOnAPopulationOfRecords) {
         const double margin_s = 0.1;
         if (one.motion.exceed(1.1, 0.05, margin_s, one.sensor.duration_s - margin_s, one.random)) {
             const MotionRecord record = one.sensor.sample(one.motion, one.random);
-            const auto jerk = judgeLimits(record, {makeLimits({kInfinity, kInfinity, kInfinity, one.jerk})});
+            const auto jerk = checkRecord(record, {makeLimits({kInfinity, kInfinity, kInfinity, one.jerk})});
             count(jerk.joints[0].limits[3], 3, one.jerk);
         }
     }
@@ -114,13 +114,13 @@ SyntheticRecord makeGood() {
 TEST(LimitVerdict, TellsTheJerkOfAGoodEncoder) {
     SyntheticRecord one = makeGood();
     const auto touched = findTouched(one);
-    const auto held = judgeLimits(one.record, {makeLimits(touched)});
+    const auto held = checkRecord(one.record, {makeLimits(touched)});
     EXPECT_EQ(held.overall(), Finding::Held) << writeText(held);
     EXPECT_LT(held.joints[0].limits[3].visibleExcess, 0.1 * one.jerk);
     EXPECT_GT(held.joints[0].limits[3].judged, 0.7);
     ASSERT_TRUE(one.motion.exceed(1.1, 0.05, 0.2, 7.8, one.random));
     const MotionRecord record = one.sensor.sample(one.motion, one.random);
-    const auto broken = judgeLimits(record, {makeLimits({kInfinity, kInfinity, kInfinity, one.jerk})});
+    const auto broken = checkRecord(record, {makeLimits({kInfinity, kInfinity, kInfinity, one.jerk})});
     const LimitVerdict& jerk = broken.joints[0].limits[3];
     ASSERT_EQ(jerk.finding, Finding::Broken) << writeText(broken);
     EXPECT_GT(std::abs(one.motion.at(jerk.worst_s + 0.02)[3]), 1.05 * one.jerk);  // it says where
@@ -134,14 +134,14 @@ TEST(LimitVerdict, WithALimitFarAwayNothingIsBroken) {
     const SyntheticRecord one = makeGood();
     auto wide = findTouched(one);
     for (double& l : wide) l *= 3.0;
-    EXPECT_EQ(judgeLimits(one.record, {makeLimits(wide)}).overall(), Finding::Held);
+    EXPECT_EQ(checkRecord(one.record, {makeLimits(wide)}).overall(), Finding::Held);
 }
 
 TEST(LimitVerdict, WithNoiseItCannotTell) {
     SyntheticRecord one = makeGood();
     one.sensor.count = 1.5e-3;  // 12 bit
     const auto record = one.sensor.sample(one.motion, one.random);
-    const auto verdict = judgeLimits(record, {makeLimits(findTouched(one))});
+    const auto verdict = checkRecord(record, {makeLimits(findTouched(one))});
     EXPECT_EQ(verdict.joints[0].limits[3].finding, Finding::CannotTell);
     EXPECT_GT(verdict.joints[0].limits[3].visibleExcess, 0.1 * one.jerk);
     EXPECT_EQ(verdict.joints[0].limits[0].finding, Finding::Held);
@@ -156,7 +156,7 @@ TEST(LimitVerdict, AStuckJointIsNamedAndTheOthersAreJudged) {
     record.joints[1].name = "stuck";
     std::fill(record.joints[1].positions.begin(), record.joints[1].positions.end(), 0.3);
     const auto touched = makeLimits(findTouched(one));
-    const auto verdict = judgeLimits(record, {touched, touched});
+    const auto verdict = checkRecord(record, {touched, touched});
     EXPECT_TRUE(verdict.joints[0].motion.has_value());
     EXPECT_FALSE(verdict.joints[1].motion.has_value());
     EXPECT_NE(verdict.joints[1].trouble.find("all readings are the same"), std::string::npos);
@@ -167,7 +167,7 @@ TEST(LimitVerdict, AStuckJointIsNamedAndTheOthersAreJudged) {
     EXPECT_EQ(json.at("visible_excess"), nullptr);
     EXPECT_EQ(json.at("deviation"), nullptr);
     record.joints.erase(record.joints.begin());
-    EXPECT_THROW(judgeLimits(record, {touched}), Error);
+    EXPECT_THROW(checkRecord(record, {touched}), Error);
 }
 
 TEST(LimitVerdict, AShortMoveInALongRecordIsSeen) {
@@ -182,7 +182,7 @@ TEST(LimitVerdict, AShortMoveInALongRecordIsSeen) {
     sensor.duration_s = 120.0;
     const MotionRecord record = sensor.sample(motion, random);
     // True sizes: velocity 1.6, acceleration 8.
-    const auto verdict = judgeLimits(record, {makeLimits({kInfinity, 1.4, 7.0, kInfinity})});
+    const auto verdict = checkRecord(record, {makeLimits({kInfinity, 1.4, 7.0, kInfinity})});
     EXPECT_EQ(verdict.joints[0].limits[1].finding, Finding::Broken) << writeText(verdict);
     EXPECT_EQ(verdict.joints[0].limits[2].finding, Finding::Broken) << writeText(verdict);
     EXPECT_LT(verdict.joints[0].motion->noise, 2e-5);
@@ -191,9 +191,9 @@ TEST(LimitVerdict, AShortMoveInALongRecordIsSeen) {
 TEST(LimitVerdict, WhatWasLeftOutIsNotHeld) {
     SyntheticRecord one = makeGood();
     auto limits = makeLimits(findTouched(one));
-    ASSERT_EQ(judgeLimits(one.record, {limits}).overall(), Finding::Held);
+    ASSERT_EQ(checkRecord(one.record, {limits}).overall(), Finding::Held);
     for (std::size_t i = 4000; i < 4004; ++i) one.record.joints[0].positions[i] += 0.5;
-    const auto verdict = judgeLimits(one.record, {limits});
+    const auto verdict = checkRecord(one.record, {limits});
     const LimitVerdict& velocity = verdict.joints[0].limits[1];
     EXPECT_NE(velocity.finding, Finding::Held) << writeText(verdict);
     if (velocity.finding == Finding::CannotTell) {
@@ -203,16 +203,16 @@ TEST(LimitVerdict, WhatWasLeftOutIsNotHeld) {
     // One wild reading alone is no motion.
     SyntheticRecord single = makeGood();
     single.record.joints[0].positions[4000] += 0.5;
-    EXPECT_EQ(judgeLimits(single.record, {limits}).overall(), Finding::Held);
+    EXPECT_EQ(checkRecord(single.record, {limits}).overall(), Finding::Held);
 }
 
 TEST(LimitVerdict, TooFewReadingsInAnExcessTellNothing) {
     SyntheticRecord one = makeGood();
     one.sensor.rate_Hz = 50.0;
     const MotionRecord record = one.sensor.sample(one.motion, one.random);
-    const auto verdict = judgeLimits(record, {makeLimits({4.0, 10.0, 50.0, 500.0})});
+    const auto verdict = checkRecord(record, {makeLimits({4.0, 10.0, 50.0, 500.0})});
     for (const LimitVerdict& limit : verdict.joints[0].limits) EXPECT_EQ(limit.finding, Finding::CannotTell);
-    EXPECT_EQ(judgeLimits(record, {makeLimits({4.0, 10.0, 50.0, kInfinity})}, {0.99, 0.1, 0.2}).overall(),
+    EXPECT_EQ(checkRecord(record, {makeLimits({4.0, 10.0, 50.0, kInfinity})}, {0.99, 0.1, 0.2}).overall(),
               Finding::Held);
 }
 
@@ -221,10 +221,10 @@ TEST(LimitVerdict, GapsAreNotJudgedAndCostNothing) {
     const auto limits = makeLimits(findTouched(one));
     MotionRecord record = one.record;
     for (std::size_t i = record.times_s.size() / 2; i < record.times_s.size(); ++i) record.times_s[i] += 0.5;
-    const auto small = judgeLimits(record, {limits});
+    const auto small = checkRecord(record, {limits});
     EXPECT_EQ(small.overall(), Finding::Held) << writeText(small);
     for (std::size_t i = record.times_s.size() / 2; i < record.times_s.size(); ++i) record.times_s[i] += 1e6;
-    const auto large = judgeLimits(record, {limits});
+    const auto large = checkRecord(record, {limits});
     EXPECT_LT(large.joints[0].limits[1].judged, 1e-4);  // of the time from the first to the last reading
     EXPECT_EQ(large.joints[0].limits[1].finding, Finding::CannotTell);
     EXPECT_LT(large.joints[0].limits[1].visibleExcess, 0.1 * limits.velocityUpper);
@@ -241,7 +241,7 @@ TEST(LimitVerdict, ShortRecordsAreNotCalledBroken) {
         one.record.joints[0].positions.resize(n);
         const auto& readings = one.record.joints[0].positions;
         if (std::all_of(readings.begin(), readings.end(), [&](double q) { return q == readings[0]; })) continue;
-        broken += judgeLimits(one.record, {makeLimits(findTouched(one))}).overall() == Finding::Broken;
+        broken += checkRecord(one.record, {makeLimits(findTouched(one))}).overall() == Finding::Broken;
     }
     std::printf("%d of %d short records that keep their limits are called broken (seeds 500001 on)\n", broken, records);
     EXPECT_LE(broken, records / 100);
@@ -253,7 +253,7 @@ TEST(LimitVerdict, OptionsAreChecked) {
     for (const JudgeOptions& options :
          {JudgeOptions{1.0, 0.1, 0.05}, JudgeOptions{0.3, 0.1, 0.05}, JudgeOptions{0.99, 0.0, 0.05},
           JudgeOptions{0.99, 0.1, -1.0}, JudgeOptions{0.99, 0.1, std::nan("")}})
-        EXPECT_THROW(judgeLimits(one.record, {limits}, options), Error);
+        EXPECT_THROW(checkRecord(one.record, {limits}, options), Error);
 }
 
 TEST(LimitVerdict, JsonHoldsWhatTheReportDraws) {
@@ -262,7 +262,7 @@ TEST(LimitVerdict, JsonHoldsWhatTheReportDraws) {
     l[1] *= 0.5;
     AxisLimits limits = makeLimits(l);
     limits.positionLower = -kInfinity;
-    const auto verdict = judgeLimits(one.record, {limits});
+    const auto verdict = checkRecord(one.record, {limits});
     const auto json = nlohmann::json::parse(writeJson(verdict, one.record));
     EXPECT_EQ(json.at("verdict"), "broken");
     const auto& joint = json.at("joints").at(0);

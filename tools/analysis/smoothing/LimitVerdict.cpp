@@ -258,7 +258,7 @@ void drawCurves(const RecordVerdict& all, const SmoothedMotion& motion, JointVer
 }
 
 /** The joint's motion is as large as its readings many times over: it lives for this joint only. */
-void judgeJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,
+void checkJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,
                 const RecordVerdict& all, JointVerdict& joint) {
     const JudgeOptions& options = all.options;
     if (!joint.isPrismatic) refuseWrapped(record, place);
@@ -345,7 +345,7 @@ void Extremes::add(std::size_t i, double x) {
     largest[i] = std::max(largest[i], x);
 }
 
-RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimits>& limits,
+RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimits>& limits,
                           const JudgeOptions& options) {
     VIABLE_CHECK(limits.size() == record.joints.size(), "limits for each joint");
     if (!(options.confidence >= 0.5 && options.confidence < 1.0))
@@ -367,7 +367,7 @@ RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimi
         joint.isPrismatic = record.joints[i].isPrismatic;
         const std::array<Range, kMotionOrders> ranges = getRanges(limits[i]);
         try {
-            judgeJoint(record, i, ranges, all, joint);
+            checkJoint(record, i, ranges, all, joint);
         } catch (const Error& e) {
             joint.trouble = e.what();
             joint.motion.reset();

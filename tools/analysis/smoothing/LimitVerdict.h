@@ -120,7 +120,7 @@ Assumes: the readings' errors are independent but for rounding; an encoder's per
 motion.
 @param limits  one per joint of the record; infinite: no limit
 Throws Error (BadInput) where no joint can be judged, or an option is out of range. */
-RecordVerdict judgeLimits(const MotionRecord& record, const std::vector<AxisLimits>& limits,
+RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimits>& limits,
                           const JudgeOptions& options = {});
 
 /** For a console: a line per joint and quantity, then what it comes to. */
