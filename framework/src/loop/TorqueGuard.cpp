@@ -335,7 +335,7 @@ struct TorqueGuard::Inside {
     }
 
     void start(const JointState& measured);
-    void look(const JointState& measured, const JointVector* external) noexcept;
+    void readMeasured(const JointState& measured, const JointVector* external) noexcept;
     void stop(GuardStop reason, StopReason loopReason, const char* message) noexcept;
     void answer() noexcept;
 
@@ -397,7 +397,7 @@ void TorqueGuard::Inside::stop(GuardStop reason, StopReason loopReason, const ch
 }
 
 /** Takes the reading, and stops the arm for what it shows. */
-void TorqueGuard::Inside::look(const JointState& measured, const JointVector* external) noexcept {
+void TorqueGuard::Inside::readMeasured(const JointState& measured, const JointVector* external) noexcept {
     output.readingFault = arm.take(measured, external, loop->nominal());
     char message[400];
     if (output.readingFault != ReadingFault::None) {
@@ -466,7 +466,7 @@ const GuardedTorque& TorqueGuard::runStep(const JointState& measured, const Join
     if (!in.isStarted) return in.output;
     if (in.stopRequest.exchange(false, std::memory_order_relaxed))
         in.stop(GuardStop::Requested, StopReason::Requested, "requestStop() was called");
-    in.look(measured, external);
+    in.readMeasured(measured, external);
     in.waits = in.output.readingFault != ReadingFault::None && !in.loop->isStopping();
     in.law.law = law;
     if (in.waits)
