@@ -16,9 +16,9 @@ enum class LimitKind : unsigned char {
     Velocity,
     Acceleration,
     Jerk,
-    Torque,      ///< of the motors, now or along the stop
+    Torque,      ///< torque of the motors, now or along the stop
     Clearance,   ///< from obstacles, or of the links from each other; acts as a lower limit
-    Speed,       ///< of the arm's points, see SpeedLimits; acts as an upper limit
+    Speed,       ///< speed of the arm's points, see SpeedLimits; acts as an upper limit
     Separation,  ///< from people; acts as an upper limit
 };
 
@@ -49,18 +49,17 @@ LimitKind addLimitKind(const std::string& name, const std::string& unit);
 /** How many kinds there are now, None included: those below are LimitKind 0, 1, ... Real time. */
 int countLimitKinds() noexcept;
 
-/** The scale of tolerances on one joint's limits: the size of the larger limit; where one side or both are unlimited,
-at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not
-to the range: limits may lie close together and far from zero. */
+/** The scale of tolerances on one joint's limits: the size of the larger limit. If one side or both are unlimited,
+it is at least 1 rad, rad/s, rad/s^2 or rad/s^3. Rounding is relative to this size, not to the range: limits may lie
+close together and far from zero. */
 double calcLimitScale(double lower, double upper);
 
-/** A value counts as outside its limit when it is beyond it by more than this share of calcLimitScale(), or not a
-number:
-rounding of a limit met exactly does not count. */
+/** A value counts as outside its limit when it is beyond it by more than this share of calcLimitScale(), or NaN.
+Rounding of a limit met exactly does not count. */
 inline constexpr double kOutsideShare = 1e-9;
 
-/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm", of a joint that slides "m", "m/s", "m/s^2", "m/s^3", "N"; of those of the whole
-arm their own; empty for None. */
+/** "rad", "rad/s", "rad/s^2", "rad/s^3", "Nm". For a joint that slides "m", "m/s", "m/s^2", "m/s^3", "N". Limits of
+the whole arm have their own. Empty for None. */
 const char* getUnit(LimitKind kind, bool slides);
 
 /** Lower and upper bound of one quantity for every joint. "No limit" is infinity. */
@@ -111,8 +110,8 @@ window is a mistake in the unit or in the exponent. [rad/s, rad/s^2, rad/s^3] */
 inline constexpr double kSmallestLimit = 1e-6;
 inline constexpr double kLargestLimit = 1e7;
 
-/** Window for the times A/J and V/A in seconds: outside, one of the two limits has no effect that
-double precision at the given tick can resolve. */
+/** Window for the times A/J and V/A in seconds. Outside, one of the two limits has no effect that double precision
+at the given tick can resolve. */
 inline constexpr double kShortestRamp_s = 1e-6;
 inline constexpr double kLongestRamp_s = 1e4;
 
@@ -120,12 +119,11 @@ inline constexpr double kLongestRamp_s = 1e4;
 kLargestLimit bounds them in any case. */
 inline constexpr double kLargestAngle_rad = 4.0 * kPi;
 
-/** Throws Error (BadInput) unless every joint's limits are usable at the given tick: ordered, of
-the right sign, inside the windows above, an acceleration range of at least one tick of jerk (A >= J
-dt), and a position range that holds one tick of jerk and its stop (8 J dt^3). J is the larger
-side's; an unlimited jerk has neither condition. The message names joint, limit, side, value and
-allowed range.
-@param where  place of the limits, for the message  */
+/** Throws Error (BadInput) unless every joint's limits are usable at the given tick: ordered, of the right sign, inside
+the windows above. The acceleration range must hold one tick of jerk (A >= J dt). The position range must hold one tick
+of jerk and its stop (8 J dt^3). J is the larger side's; an unlimited jerk has neither condition. The message names
+joint, limit, side, value and allowed range.
+@param where  place of the limits, for the message */
 void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles, const std::string& where,
                  const std::vector<std::string>& jointNames);
 

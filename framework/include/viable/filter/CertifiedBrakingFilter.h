@@ -47,13 +47,13 @@ struct CertifiedBrakingOptions {
     }
 };
 
-/** Keeps position, velocity, acceleration and jerk limits in sampled time, always: a jerk is taken only
-if a stop within the limits exists on the time grid after it; otherwise the arm follows the backup stop.
-The law is CertifiedBraking; here stand its parameters and the desired jerk (paper, eq. 14).
+/** Keeps position, velocity, acceleration and jerk limits in sampled time, always. It takes a jerk only if a stop
+within the limits exists on the time grid after it. Otherwise the arm follows the backup stop. The law is
+CertifiedBraking. This class has its parameters and the desired jerk (paper, eq. 14).
 
-Guarantees: every limit, at every tick and between, for any input and any missed ticks; a desired jerk
-that is admissible is taken bit for bit. With `recovery` also from starts that break a limit: nothing gets
-worse then, and the limits hold from the moment they are met.
+Guarantees: every limit, at every tick and between, for any input and any missed ticks. A desired jerk that is
+admissible is taken bit for bit. With `recovery` also from starts that break a limit: nothing gets worse then, and the
+limits hold from the moment they are met.
 Real time: no allocation, lock or throw after configure(). */
 class CertifiedBrakingFilter : public SafetyFilter {
 public:
@@ -61,8 +61,8 @@ public:
     ~CertifiedBrakingFilter() override;
 
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are no
-    numbers, for a jerk limit that is not finite and, without `recovery`, for a start that has no stop within the
+    /** The same without an experiment file. Throws Error (BadInput) for gains that the tick cannot carry or that are
+    NaN, and for a jerk limit that is not finite. Without `recovery` it throws for a start that has no stop within the
     limits.
     @param owner  of the options, for messages */
     void configure(const RunSetup& setup, const CertifiedBrakingOptions& options,

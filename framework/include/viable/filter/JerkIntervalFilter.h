@@ -64,9 +64,9 @@ struct JerkIntervalOptions {
 /** The tick of a limit law that leaves each joint an interval of jerks and guarantees nothing. A law adds its
 intervals.
 
-Method: desired jerk u_d by (14) with the difference quotient of Remark 1; then the jerk nearest to it in
-torque, min |M (j - u_d)|^2 (13), that lies in every joint's interval. Where a joint's rows have no common
-solution the tick is Infeasible and the joint takes the one jerk that its law names for that case.
+Method: the desired jerk u_d follows (14) with the difference quotient of Remark 1. The filter takes the jerk nearest to
+it in torque, min |M (j - u_d)|^2 (13), that lies in every joint's interval. If a joint's rows have no common solution,
+the tick is Infeasible. The joint then takes the one jerk that its law names for that case.
 Real time: no allocation, lock or throw after configure(). */
 class JerkIntervalFilter : public SafetyFilter {
 public:
@@ -92,7 +92,7 @@ protected:
     in one tick is none. */
     static void checkKAlpha(double kAlpha, const RunSetup& setup, const Parameters& parameters);
 
-    /** What jerk and acceleration limits leave: -J <= j <= J and -A <= a + j dt <= A (in place of 22). */
+    /** The interval that jerk and acceleration limits leave: -J <= j <= J and -A <= a + j dt <= A (in place of 22). */
     JointInterval calcHardLimits(const AxisState& state, const AxisLimits& limits) const;
 
     /** The law's answer from its interval; where that is empty, `braking` as far as acceleration and, before it, jerk

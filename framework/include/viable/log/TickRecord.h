@@ -12,17 +12,17 @@ namespace viable {
 enum class Stage : unsigned char { Command, Dynamics, Controller, Filter, Robust, Plant, Record };
 inline constexpr int kStageCount = 7;
 
-/** What the host's monitor found when it followed a decision and the stop after it. */
+/** The finding of the host's monitor on a decision and the stop after it. */
 enum class StopVerdict : unsigned char {
     Safe,        ///< tick and stop stay within the limits and end at rest
     Recovering,  ///< beyond a limit, but not further than the stop before
     NoStop,      ///< no stop within the limits was found
 };
 
-/** Everything of one tick: the state at `time_s`, what was decided there and what acts from this
-row to the next. Plain data without heap, so that the control loop can fill and copy it. Joint
-vectors have one entry per joint; of a vector that is shorter, the log holds NaN in the missing
-places. What a run does not have (the real arm, the command of the other space) is not logged. */
+/** Everything of one tick: the state at `time_s`, what was decided there and what acts from this row to the next.
+Plain data without heap, so that the control loop can fill and copy it. Joint vectors have one entry per joint; of a
+vector that is shorter, the log holds NaN in the missing places. Parts that a run does not have (the real arm, the
+command of the other space) are not logged. */
 struct TickRecord {
     /** State of the nominal plant. */
     struct Nominal {
@@ -32,13 +32,13 @@ struct TickRecord {
         JointVector jerk;  ///< held from this row to the next [rad/s^3]
     };
 
-    /** What the host's monitor knows of one joint's stop from the state at the end of this tick. */
+    /** One joint's stop from the state at the end of this tick, by the host's monitor. */
     struct Stop {
         /** Least distance of the path through this tick and the stop to a position limit [rad]; negative:
         beyond; infinity: no limit. */
         double margin = 0.0;
         double duration_s = 0.0;  ///< until the joint would be at rest [s]
-        double rest = 0.0;        ///< where it would rest [rad]; not a number: nowhere
+        double rest = 0.0;        ///< place where it would rest [rad]; NaN: nowhere
     };
 
     double time_s = 0.0;  ///< since the start of the run, >= 0
@@ -53,7 +53,7 @@ struct TickRecord {
     JointVector desiredTorque;  ///< tau_d, the controller's [Nm]
     JointVector filterTorque;   ///< tau_c, the safety filter's [Nm]
     JointVector robustTorque;   ///< tau_a, the robust loop's [Nm]
-    JointVector motorTorque;    ///< what the motors gave [Nm]
+    JointVector motorTorque;    ///< torque that the motors gave [Nm]
     /** tau_ext, the surroundings', as measured, where it moves the nominal arm [Nm]; else empty. Not a number:
     the reading was unusable, and the last good one acted (after 10 such ticks none). */
     JointVector externalTorque;
@@ -66,11 +66,11 @@ struct TickRecord {
     StopVerdict verdict = StopVerdict::Safe;
     LimitReports reports;          ///< on limits of the whole arm, as the filter sees them along the tick and the stop
     PeopleFaults peopleFaults;     ///< as the filter found them
-    JointLimits limits;            ///< of the nominal plant, in force in this tick
+    JointLimits limits;            ///< limits of the nominal plant, in force in this tick
     bool braking = false;          ///< the arm follows the host's own stop, not the command
     bool missed = false;           ///< command, controller and filter did not run in this tick
     bool paused = false;           ///< nor did they because the host was told to pause
-    std::int64_t take = 0;         ///< of a live run: which of the operator's takes it belongs to, from 1; 0: none
+    std::int64_t take = 0;         ///< operator's take of a live run that it belongs to, from 1; 0: none
     std::int64_t substituted = 0;  ///< controller torques replaced by the last good one so far
 
     /** In real time, from the beginning of the last tick to that of this one [us]; 0: one of them was missed. */

@@ -4,7 +4,7 @@
 
 namespace viable {
 
-/** What the arm shall do now. */
+/** The motion that the arm shall follow now. */
 struct MotionCommand {
     enum class Space : unsigned char { Joint, Tool };
 
@@ -21,7 +21,7 @@ struct CommandTraits {
         MotionCommand::Space::Joint;  ///< the space of all commands; a controller must follow it
 };
 
-/** Where the motion comes from: a file, a generator, a device. */
+/** The source of the motion: a file, a generator, a device. */
 class CommandSource : public Plugin {
 public:
     using Traits = CommandTraits;

@@ -4,7 +4,7 @@
 
 namespace viable {
 
-/** What a controller is given in a tick. */
+/** Input of a controller in a tick. */
 struct ControllerInput {
     const MotionCommand& command;
     const MotionState& nominal;  ///< the nominal arm's state
@@ -12,7 +12,7 @@ struct ControllerInput {
     Tick tick{};
 };
 
-/** What a controller asks for in a tick; vectors have one finite entry per joint. */
+/** Output of a controller in a tick; vectors have one finite entry per joint. */
 struct ControllerOutput {
     JointVector torque;  ///< tau_d [Nm]
     /** The time derivative of the acceleration that `torque` gives, M^-1 (tau_d - b), by the controller's own law
@@ -21,8 +21,8 @@ struct ControllerOutput {
     bool hasAccelerationRate = false;  ///< false at every call: for controllers that do not know it
 };
 
-/** The output of a controller that knows the jerk it wants in this tick [rad/s^3]: the torque of the present
-acceleration, and the jerk as its derivative. (14) makes exactly that jerk of it. */
+/** The output of a controller that knows the jerk it wants in this tick [rad/s^3]. It is the torque of the present
+acceleration, with the jerk as its derivative. (14) makes exactly that jerk of it. */
 inline void askForJerk(const ControllerInput& input, const JointVector& jerk, ControllerOutput& output) {
     calcInverseDynamics(input.dynamics, input.nominal.qdd, output.torque);
     output.accelerationRate = jerk;

@@ -18,22 +18,22 @@ struct ArmGeometry;
 class PeopleFeed;
 class SurroundingsFeed;
 
-/** What every plugin is told before the run. Lives as long as the plugin. */
+/** Data that every plugin gets before the run. Lives as long as the plugin. */
 struct RunSetup {
     const RobotDescription& robot;
-    /** Of the nominal plant, checked (see checkLimits). Robust loop and real plant, which act on the real arm, are told
-    that one's: the same, but for `hold_on: real`, where the nominal ones follow from the robust loop. */
+    /** Limits of the nominal plant, checked (see checkLimits). Robust loop and real plant act on the real arm and
+    get its limits. They are the same, but with `hold_on: real` the nominal ones follow from the robust loop. */
     JointLimits limits;
     double tick_s = 0.0;  ///< the configured tick; the loop never uses measured time
     double duration_s = 0.0;
     MotionState start;  ///< nominal and real arm at t = 0, at rest or moving
     Pose startTool;     ///< tool pose there
-    /** What of the arm can hit something; null: not known, or not asked for. */
+    /** The parts of the arm that can hit something; null: not known, or not needed. */
     const ArmGeometry* geometry = nullptr;
-    /** What stands around it; null: nothing. One plugin of a run may take from it: the safety filter; the
-    controller, which is asked in the same thread, may view what it took. */
+    /** The surroundings; null: nothing. Only the safety filter of a run may take from it. The controller, which is
+    called in the same thread, may view what the filter took. */
     SurroundingsFeed* surroundings = nullptr;
-    /** Who may come near; null: nobody. One safety filter of a run may take from it. */
+    /** People who may come near; null: nobody. One safety filter of a run may take from it. */
     PeopleFeed* people = nullptr;
 
     /** Ticks from a torque to the motors of the real plant; 0 where there is none, or for the plant itself. */
@@ -43,8 +43,7 @@ struct RunSetup {
     int size() const { return robot.size(); }
 };
 
-/** What a plugin's work in one tick came to. Anything but Ok makes the host treat the output as
- * unusable. */
+/** Result of a plugin's work in one tick. Anything but Ok makes the host treat the output as unusable. */
 enum class TickStatus : unsigned char {
     Ok,
     InvalidInput,  ///< an input had the wrong size or was not finite; the output was not written
@@ -54,15 +53,14 @@ enum class TickStatus : unsigned char {
 /** When a tick is. */
 struct Tick {
     double time_s = 0.0;      ///< since reset(); a whole number of RunSetup::tick_s
-    std::int64_t missed = 0;  ///< ticks in a row just before this one in which nobody was asked for anything
+    std::int64_t missed = 0;  ///< ticks in a row just before this one in which no plugin was called
 };
 
-/** What the five kinds of plugin have in common.
+/** The common base of the five kinds of plugin.
 
-Life: constructed (cheap, no arguments), configure() once, reset() once or more, then one tick
-function per tick, destroyed. configure() may throw Error and allocate; reset() and the tick
-functions must not throw, allocate, lock, log or touch files. Not thread-safe: the host calls from
-one thread at a time. */
+Life: constructed (cheap, no arguments), configure() once, reset() once or more, then one tick function per tick,
+destroyed. Only configure() may throw Error and allocate. Functions of a tick and reset() must not throw, allocate,
+lock, log or touch files. Not thread-safe: the host calls from one thread at a time. */
 class Plugin {
 public:
     virtual ~Plugin() = default;

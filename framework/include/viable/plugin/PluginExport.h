@@ -17,10 +17,9 @@
 
 namespace viable {
 
-/** Raised whenever a class or struct that crosses the border changes its layout or its virtual table: those of core/,
-config/, qp/, braking/, robot/, environment/, limits/ and plugin/, and what plugins may build on in filter/ and simulation/. A
-test
-compares with the record of this version (tools/scripts/record_interface.sh writes it). */
+/** Raised whenever a class or struct that crosses the border changes its layout or its virtual table. They stand in
+core/, config/, qp/, braking/, robot/, environment/, limits/ and plugin/, and in filter/ and simulation/ for plugins
+to build on. A test compares with the record of this version (tools/scripts/record_interface.sh writes it). */
 inline constexpr std::uint32_t kPluginInterfaceVersion = 12;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
@@ -61,7 +60,7 @@ struct PluginEntry {
     void (*destroy)(void*);
 };
 
-/** What a plugin library shows to the host: magic and size first, then the stamp, then the rest. */
+/** The descriptor of a plugin library for the host: magic and size first, then the stamp, then the rest. */
 struct PluginLibrary {
     std::uint64_t magic;
     std::uint32_t size;  ///< sizeof(PluginLibrary)

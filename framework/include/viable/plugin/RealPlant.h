@@ -4,7 +4,7 @@
 
 namespace viable {
 
-/** What joint sensors tell. */
+/** Kind of the joint sensors' readings. */
 enum class Encoder : unsigned char {
     Counts,  ///< positions in whole counts, velocities as their difference over a tick
     Exact,   ///< the true state (a simulation)
@@ -21,8 +21,9 @@ struct PlantTraits {
         false;  ///< a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called
 };
 
-/** The arm that is really there, or an engine that stands for it. All cases of an experiment are configured before the
-first one runs: what only one may hold at a time, such as a robot, is opened in reset(), which then may throw Error. */
+/** The arm that is really there, or an engine that stands for it. All cases of an experiment are configured before
+the first one runs. So open a device that only one may hold at a time, such as a robot, in reset(). It may then throw
+Error. */
 class RealPlant : public Plugin {
 public:
     using Traits = PlantTraits;
@@ -38,14 +39,14 @@ public:
     motors really gave after their limits. On Faulted the state stays as it was. */
     virtual TickStatus advance(const JointVector& torque, JointVector& applied) = 0;
 
-    /** The torque that the surroundings put on each joint now, as sensors measure it [Nm]; null: the arm
-    has no such sensors, which configure() has settled. Its value is valid after reset(). */
+    /** The external torque on each joint now, as sensors measure it [Nm]; null: the arm has no such sensors. This is
+    settled after configure(), and the value is valid after reset(). */
     virtual const JointVector* externalTorque() const { return nullptr; }
 
-    /** With a clock only, once per tick and before measured(): waits for the plant's next tick, and measured() is the
-    state there. `ticksPassed`: ticks of its clock since the last read() or reset(), at least 1. Of those beyond 1
-    the host takes each as a missed tick, in which the motors have held the last torque. Anything but Ok: the plant
-    is gone, and the run ends. */
+    /** With a clock only, once per tick and before measured(): waits for the plant's next tick, and measured() is
+    the state there. `ticksPassed`: ticks of its clock since the last read() or reset(), at least 1. The host takes
+    each one beyond 1 as a missed tick, in which the motors have held the last torque. Anything but Ok: the plant is
+    gone, and the run ends. */
     virtual TickStatus read(std::int64_t& ticksPassed) {
         ticksPassed = 1;
         return TickStatus::Ok;

@@ -19,21 +19,22 @@ struct FrictionFeed {
     JointVector calc(const JointVector& qd) const;
 };
 
-/** The law tau_a = friction(qd_nominal) - K_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal, with one number
-per joint, as it is around a pose: its stability is judged by it (calcMargins), and a tracking bound follows from it
+/** The law tau_a = friction(qd_nominal) - K_r (de + k_p e + k_i integral of e dt) on e = q_real - q_nominal around a
+pose, with one number per joint. The stability check (calcMargins) uses it, and a tracking bound follows from it
 (calcTrackingBound). */
 struct LinearErrorLoop {
     JointVector kr;             ///< K_r = diag(k_r) [Nms/rad], or its bound, see inertiaRate
     JointVector kp;             ///< [1/s]
     JointVector ki;             ///< [1/s^2]
-    JointVector integralLimit;  ///< of k_r k_i |integral| [Nm]; infinite: none
-    JointVector torqueRate;     ///< of the change of tau_a [Nm/s]; infinite: none
+    JointVector integralLimit;  ///< limit of k_r k_i |integral| [Nm]; infinite: none
+    JointVector torqueRate;     ///< limit of the change of tau_a [Nm/s]; infinite: none
     /** c [1/s]: K_r = (diag(k_r)^-1 + (c M(q))^-1)^-1 with the nominal arm's inertia at its pose. So K_r is below c M, by
     which every velocity error decays at c in every pose, and below diag(k_r). Infinite: K_r = diag(k_r). No tracking
     bound is known where it is finite. */
     double inertiaRate = std::numeric_limits<double>::infinity();
     FrictionFeed friction;
-    /** Of the change of tau_c + tau_a [Nm/s]; infinite or of size 0: none. No tracking bound is known where it is finite. */
+    /** Limit of the change of tau_c + tau_a [Nm/s]; infinite or of size 0: none. No tracking bound is known where it
+    is finite. */
     JointVector motorRate;
 };
 
@@ -50,9 +51,9 @@ public:
     using Traits = RobustTraits;
     virtual RobustTraits traits() const { return {}; }
 
-    /** The torque tau_a [Nm] added to the filter's. `real` is the measured state, `nominal` the
-    nominal arm at the same instant. `filterTorque` is the motors' share of what moves the nominal arm: tau_c, and
-    tau_c - tau_ext where an external torque is fed to it (the motors' limits are in setup.robot.actuation). On Ok,
+    /** The torque tau_a [Nm] added to the filter's. `real` is the measured state, `nominal` the nominal arm at the
+    same instant. `filterTorque` is the motors' share of the torque that moves the nominal arm: tau_c. With an
+    external torque fed to the arm it is tau_c - tau_ext. The motors' limits are in setup.robot.actuation. On Ok,
     `torque` has one finite entry per joint; otherwise the host applies zero. */
     virtual TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                                JointVector& torque) = 0;

@@ -16,7 +16,7 @@ enum class HeldQuantity : unsigned char {
     Acceleration,  ///< acceleration jumps from tick to tick (double integrator)
 };
 
-/** What a filter is given in a tick. The host sees to it that all of it is finite and of the right size. */
+/** Input of a filter in a tick. The host sees to it that all of it is finite and of the right size. */
 struct FilterInput {
     const MotionState& nominal;  ///< the nominal arm's state
     const JointVector& torque;   ///< tau_d [Nm]
@@ -29,15 +29,15 @@ struct FilterInput {
 /** True when every part is finite and sized for n joints. */
 bool isFinite(const FilterInput& input, int n);
 
-/** The acceleration that a filter which holds accelerations should reach by the end of the tick: M^-1 (tau_d - b), and
-what it changes by in a tick where that is known. False where M is not positive definite. No allocation. */
+/** The acceleration that a filter which holds accelerations should reach by the end of the tick. It is M^-1 (tau_d -
+b), plus its change in a tick where that is known. False where M is not positive definite. No allocation. */
 bool calcDesiredAcceleration(const FilterInput& input, double tick_s, JointVector& qdd);
 
-/** A filter's answer: one quantity, held over the coming tick. What torque, mean acceleration and jerk that makes is for
-the host to compute (see calcHeldMotion). */
+/** A filter's answer: one quantity, held over the coming tick. The host computes torque, mean acceleration and jerk
+from it (see calcHeldMotion). */
 struct FilterDecision {
     HeldQuantity held = HeldQuantity::Jerk;
-    JointVector value;  ///< of the held quantity, one entry per joint [rad/s^3 or rad/s^2]
+    JointVector value;  ///< the held quantity, one entry per joint [rad/s^3 or rad/s^2]
     std::array<JointIntervention, kMaxJoints> joints{};
     /** A stop of every joint from the state that this decision leads to: the proof that limits can be kept. A
     filter that holds jerks and guarantees limits gives it; without it (hasStops false) the host looks for one. */
@@ -63,14 +63,14 @@ struct FilterDecision {
     }
 };
 
-/** What a decision makes of a tick; vectors have one entry per joint. */
+/** The motion of a tick under a decision; vectors have one entry per joint. */
 struct HeldMotion {
     JointVector jerk;          ///< the one held, or (acceleration - qdd) / dt [rad/s^3]
     JointVector acceleration;  ///< x_c: the one held, or its mean qdd + jerk dt / 2 [rad/s^2]
     JointVector torque;        ///< tau_c = M x_c + b [Nm]
 };
 
-/** The motion that the value of `decision` gives. Where an acceleration is held, `status` is Passed and the torque is
+/** The motion that the value of `decision` gives. If an acceleration is held, `status` is Passed and the torque is
 tau_d but for rounding, it is tau_d to the last bit. No allocation, no throw. */
 void calcHeldMotion(const FilterInput& input, FilterStatus status, const FilterDecision& decision, double tick_s,
                     HeldMotion& motion);
@@ -94,14 +94,15 @@ public:
     using Traits = FilterTraits;
     virtual FilterTraits traits() const = 0;
 
-    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the tick
-    (see areUsable). True when the filter works by them from now on, approaching as fast as jerk allows what it cannot
-    meet at once; false when it cannot change its limits, and the host then stops the arm. Real time, like filter(). */
+    /** New limits from the next filter() on; where ticks were missed, after skipTicks(). Complete and usable at the
+    tick (see areUsable). True when the filter uses them from now on. It approaches limits that it cannot meet at
+    once as fast as jerk allows. False when it cannot change its limits; the host then stops the arm. Real time, like
+    filter(). */
     virtual bool changeLimits(const JointLimits& limits);
 
-    /** Ticks passed without a call of filter(): the arm has followed the stops of the last decision (or, where
-    it had none, the host's) for so many ticks; a tick in which filter() wrote no decision counts too.
-    The next call continues from there. Real time. */
+    /** Ticks passed without a call of filter(). The arm has followed the stops of the last decision for so many
+    ticks, or the host's if it had none. A tick in which filter() wrote no decision counts too. The next call
+    continues from there. Real time. */
     virtual void skipTicks(std::int64_t ticks);
 
     /** One tick. See FilterStatus for what the host does with `decision`. */

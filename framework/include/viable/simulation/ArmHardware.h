@@ -55,9 +55,9 @@ struct JointSensorOptions {
 
 /** The position sensors of a simulated arm: whole counts, noise, and one faulty channel.
 
-Method: reading = position + noise, rounded to whole counts; the velocity is the difference of two readings
-over a tick, or with `encoder: exact` and without noise the true one. The noise is normal, cut at 4 standard
-deviations, so that it has a bound. The fault then acts on the readings, and so on their difference:
+Method: reading = position + noise, rounded to whole counts. The velocity is the difference of two readings over a tick,
+or with `encoder: exact` and without noise the true one. The noise is normal, cut at 4 standard deviations, so that it
+has a bound. The fault then acts on the readings, and so on their difference:
     stuck  the channel stays at its last reading           sign  its reading is negated
     bias   sensor_fault_rad is added                       swap  it and the next joint's are exchanged
     spike  the same, in the first reading of the window    wrap  one turn is added
@@ -100,7 +100,7 @@ private:
 /** Friction of one joint over the torque that its gear carries,
     f(v) = F(v) sign v + Fv1 (1 - exp(-|v| / Fv2)) sign v,
     F(v) = Fc + (Fs - Fc) exp(-(v / vs)^2) + mu |load|                                       [Nm]
-where sign 0 is any value in [-1, 1]: what it takes to stay at rest. */
+Here sign 0 is any value in [-1, 1] that keeps the joint at rest. */
 struct FrictionLaw {
     double coulomb = 0.0;           ///< Fc [Nm]
     double breakaway = 0.0;         ///< Fs [Nm]
@@ -186,8 +186,8 @@ ArmHardwareOptions among its own and asks, in this order: once configure() and r
 tick
 calcApplied(), per sub-step calcMotorTorque() and friction(), then endTick() where the tick succeeded.
 
-Motors: the command of `delay_ticks` ticks ago (before the first arrives: the first), cut at the limit; then ripple,
-A sin(p q), p periods per joint turn (prismatic: per metre).
+Motors: the command of `delay_ticks` ticks ago (before the first arrives: the first), cut at the limit. Then ripple is
+added, A sin(p q), p periods per joint turn (prismatic: per metre).
 Real time: no allocation, lock or throw after configure(). */
 class ArmHardware {
 public:
@@ -204,7 +204,7 @@ public:
 
     void reset(const JointState& start);
 
-    /** What the motors give in the coming tick, as their drives know it: without ripple [Nm]. */
+    /** Torque of the motors in the coming tick, as their drives know it: without ripple [Nm]. */
     void calcApplied(const JointVector& command, JointVector& applied) const;
     /** The same at the gears' output with the joints at `q`: with ripple [Nm]. */
     JointVector calcMotorTorque(const JointVector& applied, const JointVector& q) const;
@@ -212,7 +212,7 @@ public:
     bool hasFriction() const { return hasFriction_; }
     const FrictionLaw& friction(int joint) const { return friction_[static_cast<std::size_t>(joint)]; }
 
-    /** What the surroundings put on the joints in the coming tick [Nm]; exact. */
+    /** External torque on the joints in the coming tick [Nm]; exact. */
     const JointVector& externalTorque() const { return external_; }
     /** The joint that does not turn in the coming tick, or -1. */
     int blockedJoint() const { return blockedTicks_.contains(tick_) ? blockedJoint_ : -1; }
@@ -245,9 +245,9 @@ private:
     int oldest_ = 0;
 };
 
-/** The largest eigenvalue of M(q)^-1 diag(weight) over a fixed sample of poses within the position limits: with
-dampings
-as weights the fastest rate [1/s], with stiffnesses the square of the fastest frequency [1/s^2]. Takes some ms. */
+/** The largest eigenvalue of M(q)^-1 diag(weight) over a fixed sample of poses within the position limits. With
+dampings as weights it is the fastest rate [1/s], with stiffnesses the square of the fastest frequency [1/s^2]. Takes
+some ms. */
 double findFastestMode(const RobotDescription& robot, const JointVector& weight);
 
 }  // namespace viable
