@@ -13,7 +13,7 @@
 #include "Paths.h"
 #include "Program.h"
 #include "ProjectExperiment.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "viable/core/JointTypes.h"
 
 // The experiment with obstacles, run by run, judged by somebody else: poses every tenth of a millisecond, each capsule against
@@ -37,7 +37,7 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
     const CasePlan* plan = nullptr;
     for (const CasePlan& each : experiment.experiment().cases)
         if (each.name == name) plan = &each;
-    const CollisionJudge judge(plan->robot, *plan->geometry, *plan->environment);
+    const CollisionChecker checker(plan->robot, *plan->geometry, *plan->environment);
     std::int64_t poses = 0, inCollision = 0;
     double least_m = std::numeric_limits<double>::infinity();
     CaseResult result = experiment.run(name, [&](const TickRecord& r) {
@@ -46,7 +46,7 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
             JointVector q = r.nominal.q;
             for (Eigen::Index i = 0; i < q.size(); ++i)
                 q[i] = advance({r.nominal.q[i], r.nominal.qd[i], r.nominal.qdd[i]}, r.nominal.jerk[i], s).p;
-            const double distance = judge.findContact(q, r.time_s + s, 0.05).distance;
+            const double distance = checker.findContact(q, r.time_s + s, 0.05).distance;
             ++poses;
             inCollision += distance < 0.0;
             least_m = std::min(least_m, distance);

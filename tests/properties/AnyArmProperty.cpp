@@ -232,7 +232,7 @@ bool checkAnyArm(const Options& options) {
                 const double spread = s.commandMotion().spread();
                 const bool isHeldBack = isTool && !(error <= std::max(kGoodRatio * freeError, kGoodError));
                 const bool misses = isTool && error > std::max(kMissedShare * spread, kGoodError);
-                const bool isTold = !findShortcomings(result).empty();
+                const bool isTold = !findProblems(result).empty();
                 why = formatVerdict(result);
                 outcome = s.anyLimitBroken()                     ? "silent: limit"
                           : !isTold && !(drift <= kGoodTracking) ? "silent: far"

@@ -15,7 +15,7 @@
 #include "Properties.h"
 #include "PushedArm.h"
 #include "Random.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "robot/ArmReach.h"
 #include "viable/core/Error.h"
@@ -192,7 +192,7 @@ public:
         } catch (const Error&) {
             return false;
         }
-        judge_ = std::make_unique<CollisionJudge>(d, robot_.geometry, environment_);
+        checker_ = std::make_unique<CollisionChecker>(d, robot_.geometry, environment_);
         state_ = start_;
         return true;
     }
@@ -214,7 +214,7 @@ public:
         countRest(t);
         if (tick % kTicksPerJudged != 0) return 0.0;
         const double missing =
-            environment_.safetyDistance_m - judge_->findContact(state_.q, t + kTick_s, kHorizon_m).distance;
+            environment_.safetyDistance_m - checker_->findContact(state_.q, t + kTick_s, kHorizon_m).distance;
         return missing > kAllowed_m ? missing : 0.0;
     }
     void end() { countEpisode(); }
@@ -251,7 +251,7 @@ private:
     std::vector<double> findDistances(const JointVector& q, double t) {
         if (parts_.empty()) makeParts();
         std::vector<double> distances;
-        for (const std::unique_ptr<CollisionJudge>& part : parts_) {
+        for (const std::unique_ptr<CollisionChecker>& part : parts_) {
             distances.push_back(part->findContact(q, t, kHorizon_m).distance);
             for (const MovingSphere& sphere : environment_.spheres)
                 for (double later = t; sphere.waypoints.size() > 1 && later < sphere.waypoints.back().time_s;
@@ -267,13 +267,13 @@ private:
         geometry.pairs.clear();
         for (const LinkCapsule& capsule : robot_.geometry.capsules) {
             geometry.capsules = {capsule};
-            parts_.push_back(std::make_unique<CollisionJudge>(d, geometry, environment_));
+            parts_.push_back(std::make_unique<CollisionChecker>(d, geometry, environment_));
         }
         for (const auto& [a, b] : robot_.geometry.pairs) {
             geometry.capsules = {robot_.geometry.capsules[static_cast<std::size_t>(a)],
                                  robot_.geometry.capsules[static_cast<std::size_t>(b)]};
             geometry.pairs = {{0, 1}};
-            parts_.push_back(std::make_unique<CollisionJudge>(d, geometry, Environment()));
+            parts_.push_back(std::make_unique<CollisionChecker>(d, geometry, Environment()));
         }
     }
 
@@ -330,8 +330,8 @@ private:
     Environment environment_;
     WholeArmBrakingOptions options_;
     std::unique_ptr<SurroundingsFeed> feed_;
-    std::unique_ptr<CollisionJudge> judge_;
-    std::vector<std::unique_ptr<CollisionJudge>> parts_;  ///< made when an arm rests
+    std::unique_ptr<CollisionChecker> checker_;
+    std::vector<std::unique_ptr<CollisionChecker>> parts_;  ///< made when an arm rests
     std::optional<RunSetup> setup_;
     WholeArmBrakingFilter filter_;
     MotionState start_, state_;

@@ -100,7 +100,7 @@ private:
     void followStop(int ticks) {
         Arm& arm = *arm_;
         for (int m = 0; m < ticks && !accused_; ++m) {
-            judge(monitor_.followStop(arm.state, decision_));
+            check(monitor_.followStop(arm.state, decision_));
             arm.chosen = decision_.value;
             arm.move();
         }
@@ -116,7 +116,7 @@ private:
         for (int i = 0; i < arm.n; ++i) decision_.stops[i] = arm.braking.stop(i);
         const StopMonitor::Finding& finding = monitor_.examine(arm.state, decision_);
         const bool isSafe = finding.verdict == StopVerdict::Safe;
-        judge(finding);
+        check(finding);
         // After a change of limits, or on the way back, the stop before counts in place of a limit.
         if (isSafe && wasSafe_ && random.chance(0.02)) {
             spoil(random.integer(0, arm.n - 1), random.chance(0.5));
@@ -160,7 +160,7 @@ private:
         return false;
     }
 
-    void judge(const StopMonitor::Finding& finding) {
+    void check(const StopMonitor::Finding& finding) {
         ++verdicts_[static_cast<int>(finding.verdict)];
         if (finding.verdict != StopVerdict::NoStop) return;
         accused_ = true;

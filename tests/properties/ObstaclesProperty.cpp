@@ -7,7 +7,7 @@
 #include "Properties.h"
 #include "PushedArm.h"
 #include "Random.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "viable/core/Error.h"
 #include "viable/environment/Surroundings.h"
@@ -85,7 +85,7 @@ public:
         } catch (const Error&) {
             return false;
         }
-        judge_ = std::make_unique<CollisionJudge>(d, robot_.geometry, environment_);
+        checker_ = std::make_unique<CollisionChecker>(d, robot_.geometry, environment_);
         state_ = start_;
         torque_ = lastTorque_ = dynamics_.gravity;
         knowsTorque_ = false;
@@ -109,13 +109,13 @@ public:
         else
             return {"no decision", 1.0};
         const JointVector motors = findTorque(state_, dynamics_, decision_);
-        Finding finding = judgeTorque(motors);
-        if (!finding.what) finding = judgeTorqueChange(motors);
-        if (!finding.what) finding = judgeTick(state_, decision_.value, t);
+        Finding finding = checkTorque(motors);
+        if (!finding.what) finding = checkTorqueChange(motors);
+        if (!finding.what) finding = checkTick(state_, decision_.value, t);
         near += least_ < environment_.safetyDistance_m + 0.02;
-        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop(t);
+        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = checkStop(t);
         advanceNominal(decision_, kTick_s, state_);
-        if (!finding.what) finding = judgeLimits(state_, robot_.description.limits, kAllowedLimit);
+        if (!finding.what) finding = checkLimits(state_, robot_.description.limits, kAllowedLimit);
         return finding;
     }
 
@@ -166,23 +166,23 @@ private:
         return sphere;
     }
 
-    Finding judgePose(const JointVector& q, double t) {
-        const double distance = judge_->findContact(q, t, kHorizon_m).distance;
+    Finding checkPose(const JointVector& q, double t) {
+        const double distance = checker_->findContact(q, t, kHorizon_m).distance;
         least_ = std::min(least_, distance);
         const double missing = environment_.safetyDistance_m - distance;
         return missing > kAllowed_m ? Finding{"nearer than the safety distance", missing} : Finding{};
     }
 
-    Finding judgeTick(const MotionState& from, const JointVector& jerk, double t) {
+    Finding checkTick(const MotionState& from, const JointVector& jerk, double t) {
         least_ = kHorizon_m;
-        const Finding finding = judgePose(from.q, t);
+        const Finding finding = checkPose(from.q, t);
         if (finding.what || least_ > environment_.safetyDistance_m + kFarthestInTick_m) return finding;
         for (int k = 1; k < kDensePoses; ++k) {
             const double s = kTick_s * k / kDensePoses;
             JointVector q(from.q.size());
             for (Eigen::Index i = 0; i < q.size(); ++i)
                 q[i] = advance({from.q[i], from.qd[i], from.qdd[i]}, jerk[i], s).p;
-            if (const Finding dense = judgePose(q, t + s); dense.what) return dense;
+            if (const Finding dense = checkPose(q, t + s); dense.what) return dense;
         }
         return {};
     }
@@ -199,11 +199,11 @@ private:
         decision_.stops = stops;
         filter_.skipTicks(1);
         const JointVector motors = findTorque(state_, dynamics_, decision_);
-        Finding finding = judgeTorque(motors);
-        if (!finding.what) finding = judgeTorqueChange(motors);
-        if (!finding.what) finding = judgeTick(state_, jerk, t);
+        Finding finding = checkTorque(motors);
+        if (!finding.what) finding = checkTorqueChange(motors);
+        if (!finding.what) finding = checkTick(state_, jerk, t);
         advanceNominal(decision_, kTick_s, state_);
-        return finding.what ? finding : judgeLimits(state_, robot_.description.limits, kAllowedLimit);
+        return finding.what ? finding : checkLimits(state_, robot_.description.limits, kAllowedLimit);
     }
 
     static JointVector findTorque(const MotionState& state, const Dynamics& dynamics, const FilterDecision& decision) {
@@ -212,7 +212,7 @@ private:
         return motion.torque;
     }
 
-    Finding judgeTorqueChange(const JointVector& torque) {
+    Finding checkTorqueChange(const JointVector& torque) {
         Finding finding;
         for (int i = 0; knowsTorque_ && i < torque.size(); ++i) {
             const double change = std::abs(torque[i] - lastTorque_[i]);
@@ -224,7 +224,7 @@ private:
         return finding;
     }
 
-    Finding judgeTorque(const JointVector& torque) const {
+    Finding checkTorque(const JointVector& torque) const {
         for (Eigen::Index i = 0; i < torque.size(); ++i) {
             const double limit = options_.torqueShare * robot_.description.actuation.torqueLimit[i];
             if (std::abs(torque[i]) > limit * (1.0 + kAllowedTorque))
@@ -234,7 +234,7 @@ private:
     }
 
     /** The stop of this tick's decision, followed to its end. */
-    Finding judgeStop(double t) {
+    Finding checkStop(double t) {
         MotionState s = state_;
         advanceNominal(decision_, kTick_s, s);
         std::array<GridStop, kMaxJoints> stops = decision_.stops;
@@ -251,8 +251,8 @@ private:
             Dynamics dynamics;
             robot_.model.calcDynamics(s.q, s.qd, dynamics);
             next.holdJerk(jerk);
-            if (const Finding finding = judgeTorque(findTorque(s, dynamics, next)); finding.what) return finding;
-            if (const Finding finding = judgeTick(s, jerk, t); finding.what) return finding;
+            if (const Finding finding = checkTorque(findTorque(s, dynamics, next)); finding.what) return finding;
+            if (const Finding finding = checkTick(s, jerk, t); finding.what) return finding;
             advanceNominal(next, kTick_s, s);
         }
         return {};
@@ -265,7 +265,7 @@ private:
     WholeArmBrakingOptions options_;
     std::shared_ptr<const Surroundings> surroundings_;
     std::unique_ptr<SurroundingsFeed> feed_;
-    std::unique_ptr<CollisionJudge> judge_;
+    std::unique_ptr<CollisionChecker> checker_;
     std::optional<RunSetup> setup_;
     WholeArmBrakingFilter filter_;
     MotionState start_, state_;

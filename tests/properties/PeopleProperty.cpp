@@ -87,7 +87,7 @@ public:
             return false;
         }
         if (!filter_.traits().guarantees.has(LimitKind::Separation)) return false;
-        judge_.emplace(description_, robot_.geometry, walkers_->people());
+        checker_.emplace(description_, robot_.geometry, walkers_->people());
         return true;
     }
 
@@ -106,11 +106,11 @@ public:
         moving += state_.qd.cwiseAbs().maxCoeff() > kMoves;
         advanceNominal(decision_, kTick_s, state_);
         walkers_->walk(target);
-        if (!finding.what && !hasChanged_) finding = judgeLimits(state_, description_.limits, kAllowed);
+        if (!finding.what && !hasChanged_) finding = checkLimits(state_, description_.limits, kAllowed);
         return finding;
     }
 
-    std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, moving = 0, near = 0, stops = 0, excused = 0,
+    std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, moving = 0, near = 0, stops = 0, exempt = 0,
                  unkept = 0, changes = 0;
     double least = std::numeric_limits<double>::infinity();  ///< gap to what was too fast to be touched
     bool isRefusedAtRest = false;  ///< a start in which nothing moves and nothing else was in its way
@@ -139,9 +139,9 @@ private:
         else
             ++unkept;
         if (!told.isKept && status != FilterStatus::StoppedByPlan) return {"not braked although too near", 1.0};
-        Finding finding = judgeTorque(decision_);
-        if (!finding.what) finding = judgeTick(*walkers_, state_, decision_.value, true);
-        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop();
+        Finding finding = checkTorque(decision_);
+        if (!finding.what) finding = checkTick(*walkers_, state_, decision_.value, true);
+        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = checkStop();
         return finding;
     }
 
@@ -158,9 +158,9 @@ private:
 
     bool isExcused() const { return walkers_->hasUnseenJump() || walkers_->hasSeenJump(); }
 
-    Finding judgeTick(const Walkers& walkers, const MotionState& from, const JointVector& jerk, bool counts) {
+    Finding checkTick(const Walkers& walkers, const MotionState& from, const JointVector& jerk, bool counts) {
         if (isExcused()) {
-            excused += counts;
+            exempt += counts;
             return {};
         }
         double nearest = std::numeric_limits<double>::infinity();
@@ -173,7 +173,7 @@ private:
                 qd[i] = s.v;
             }
             walkers.place(t, places_);
-            const detail::SeparationLimit::Found found = judge_->find(q, qd, places_, kNominalRest);
+            const detail::SeparationLimit::Found found = checker_->find(q, qd, places_, kNominalRest);
             nearest = std::min(nearest, found.protective);
             if (found.isTooFast) return {"somebody is touched too fast", -found.protective};
         }
@@ -194,10 +194,10 @@ private:
             jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
         decision_.holdJerk(jerk);
         filter_.skipTicks(1);
-        return judgeTick(*walkers_, state_, jerk, false);
+        return checkTick(*walkers_, state_, jerk, false);
     }
 
-    Finding judgeTorque(const FilterDecision& decision) const {
+    Finding checkTorque(const FilterDecision& decision) const {
         HeldMotion motion;
         calcHeldMotion({state_, torque_, dynamics_}, FilterStatus::Modified, decision, kTick_s, motion);
         for (Eigen::Index i = 0; i < motion.torque.size(); ++i) {
@@ -209,7 +209,7 @@ private:
     }
 
     /** The stop of this tick's decision, followed to its end, while everybody runs at the tool. */
-    Finding judgeStop() {
+    Finding checkStop() {
         ++stops;
         Walkers walkers = *walkers_;
         MotionState s = state_;
@@ -227,7 +227,7 @@ private:
                 jerk[static_cast<Eigen::Index>(i)] = left[i].takeJerk();
             }
             next.holdJerk(jerk);
-            if (Finding finding = judgeTick(walkers, s, jerk, false); finding.what) {
+            if (Finding finding = checkTick(walkers, s, jerk, false); finding.what) {
                 finding.what = "somebody is touched too fast along a stop";
                 return finding;
             }
@@ -244,7 +244,7 @@ private:
     std::optional<Walkers> walkers_;
     std::unique_ptr<PeopleFeed> feed_;
     std::optional<RunSetup> setup_;
-    std::optional<detail::SeparationLimit> judge_;
+    std::optional<detail::SeparationLimit> checker_;
     WholeArmBrakingFilter filter_;
     PeopleObservation seen_, places_;
     MotionState state_;
@@ -261,7 +261,7 @@ bool checkPeople(const Options& options) {
     Robot robots[] = {Robot("indy7"), Robot("panda"), Robot("ur5e")};
     Run run("people", options);
     std::int64_t ticks = 0, stopped = 0, missed = 0, acting = 0, moving = 0, near = 0, stops = 0, begun = 0,
-                 refused = 0, excused = 0, unkept = 0, jumps = 0, losses = 0, changes = 0, appeared = 0, faster = 0,
+                 refused = 0, exempt = 0, unkept = 0, jumps = 0, losses = 0, changes = 0, appeared = 0, faster = 0,
                  lost = 0;
     double least = std::numeric_limits<double>::infinity();
     while (run.nextArm()) {
@@ -290,7 +290,7 @@ bool checkPeople(const Options& options) {
         moving += arm->moving;
         near += arm->near;
         stops += arm->stops;
-        excused += arm->excused;
+        exempt += arm->exempt;
         unkept += arm->unkept;
         changes += arm->changes;
         jumps += arm->walkers().jumps;
@@ -315,7 +315,7 @@ bool checkPeople(const Options& options) {
         "  jumps: %lld, losses: %lld, changes of limits: %lld; ticks not proven after a jump: %lld, not judged: %lld\n",
         least, static_cast<long long>(stops), 100.0 * static_cast<double>(stopped) / static_cast<double>(ticks),
         static_cast<long long>(jumps), static_cast<long long>(losses), static_cast<long long>(changes),
-        static_cast<long long>(unkept), static_cast<long long>(excused));
+        static_cast<long long>(unkept), static_cast<long long>(exempt));
     return run.isGood();
 }
 

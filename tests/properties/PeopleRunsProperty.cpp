@@ -78,7 +78,7 @@ public:
           goals_(seed, 2 * number + 1),
           walkers_(people_, makeHabits(number, scene), kTick_s),
           feed_(walkers_.people()),
-          judge_(robot, geometry, walkers_.people()),
+          checker_(robot, geometry, walkers_.people()),
           motion_(robot, geometry.capsules, listRadii(geometry)),
           pose_(motion_.makePose()) {
         state_.q = robot.home;
@@ -157,10 +157,10 @@ private:
         }
         if (acts && !acted_) outcome_.slowing.push_back(findNearest());
         acted_ = acts;
-        judge();
+        check();
         const Eigen::Vector3d before = dynamics_.tool.position;
         advanceNominal(decision_, kTick_s, state_);
-        judgeLimits();
+        checkLimits();
         const bool moves = state_.qd.cwiseAbs().maxCoeff() > kMoves;
         outcome_.moving += moves;
         restTicks_ = moves || !acted_ ? 0 : restTicks_ + 1;
@@ -236,7 +236,7 @@ private:
         return false;
     }
 
-    void judge() {
+    void check() {
         bool isTooFast = false;
         for (int k = 0; k < kLooks; ++k) {
             const double t = kTick_s * k / kLooks;
@@ -247,7 +247,7 @@ private:
                 qd[i] = s.v;
             }
             walkers_.place(t, places_);
-            const detail::SeparationLimit::Found found = judge_.find(q, qd, places_, kNominalRest);
+            const detail::SeparationLimit::Found found = checker_.find(q, qd, places_, kNominalRest);
             isTooFast |= found.isTooFast;
             outcome_.least = std::min(outcome_.least, found.protective);
         }
@@ -255,7 +255,7 @@ private:
         outcome_.fastest = std::max(outcome_.fastest, (dynamics_.J.topRows<3>() * state_.qd).norm());
     }
 
-    void judgeLimits() {
+    void checkLimits() {
         const JointLimits& l = robot_.limits;
         const auto isBeyond = [this](const JointVector& x, const JointBounds& b) {
             const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
@@ -275,7 +275,7 @@ private:
     Random people_, goals_;
     Walkers walkers_;
     PeopleFeed feed_;
-    detail::SeparationLimit judge_;
+    detail::SeparationLimit checker_;
     detail::CapsuleMotion motion_;
     detail::CapsuleMotion::Pose pose_;
     WholeArmBrakingFilter filter_;
@@ -370,7 +370,7 @@ bool checkPeopleRuns(const Options& options) {
         const auto go = [&](Scene scene, Rule rule, double worstSpeed) {
             return PeopleRun(robot, geometry, model, run.seed(), run.arm(), scene, rule, worstSpeed).run();
         };
-        const auto judge = [&](const Outcome& kept) {
+        const auto check = [&](const Outcome& kept) {
             if (kept.tooFast) run.fail("somebody is touched too fast", -kept.least);
             if (kept.noChoice) run.fail("a tick without a choice", static_cast<double>(kept.noChoice));
             if (kept.beyondLimits) run.fail("a joint limit is passed", static_cast<double>(kept.beyondLimits));
@@ -379,13 +379,13 @@ bool checkPeopleRuns(const Options& options) {
         const Outcome free = go(Scene::Crowd, Rule::None, 0.0);
         none.add(free);
         const Outcome kept = go(Scene::Crowd, Rule::Filter, 0.0), calm = go(Scene::Quiet, Rule::Filter, 0.0);
-        judge(kept);
-        judge(calm);
+        check(kept);
+        check(calm);
         filter.add(kept);
         quiet.add(calm);
         textbook.add(go(Scene::Quiet, Rule::Textbook, free.fastest));
         const Outcome visited = go(Scene::Visit, Rule::Filter, 0.0);
-        judge(visited);
+        check(visited);
         const Outcome asTextbook = go(Scene::Visit, Rule::Textbook, free.fastest);
         visits.add(visited, asTextbook.restedForVisitor);
         textbookVisits.add(asTextbook, visited.restedForVisitor);

@@ -23,7 +23,7 @@ struct Finding {
 };
 
 /** Position, velocity or acceleration beyond its limit by more than `allowed`. */
-Finding judgeLimits(const MotionState& state, const JointLimits& limits, double allowed);
+Finding checkLimits(const MotionState& state, const JointLimits& limits, double allowed);
 
 /** Wants that change now and then: to and fro, towards a pose, at random, or the tool along a direction, whatever is there. */
 class Pusher {

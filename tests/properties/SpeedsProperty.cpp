@@ -87,7 +87,7 @@ public:
             isRefusedAtRest = state_.qd.isZero(0.0) && !hasGeometry_ && std::isinf(options_.torqueShare);
             return false;
         }
-        judge_.emplace(description_, &robot_.geometry);
+        checker_.emplace(description_, &robot_.geometry);
         torque_ = dynamics_.gravity;
         return true;
     }
@@ -105,17 +105,17 @@ public:
         for (int i = 0; i < description_.size(); ++i) acts |= decision_.joints[i].limit == LimitKind::Speed;
         acting += acts;
         use_ = 0.0;
-        Finding finding = judgeTorque(decision_);
-        if (!finding.what) finding = judgeTick(state_, decision_.value);
+        Finding finding = checkTorque(decision_);
+        if (!finding.what) finding = checkTick(state_, decision_.value);
         atLimit += acts && use_ > 0.9;
         // What the filter tells is true of the tick.
         if (!finding.what && !decision_.reports[LimitKind::Speed].isKnown) finding = {"the filter told no speed", 1.0};
         if (!finding.what &&
             use_ > decision_.reports[LimitKind::Speed].value / decision_.reports[LimitKind::Speed].limit + kAllowed)
             finding = {"the filter told less than there was", use_};
-        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = judgeStop();
+        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = checkStop();
         advanceNominal(decision_, kTick_s, state_);
-        if (!finding.what) finding = judgeLimits(state_, description_.limits, kAllowed);
+        if (!finding.what) finding = checkLimits(state_, description_.limits, kAllowed);
         return finding;
     }
 
@@ -126,7 +126,7 @@ public:
 
 private:
     /** Changes its mind now and then: to and fro, towards a pose, at random, or the tool along a direction. */
-    Finding judgeTick(const MotionState& from, const JointVector& jerk) {
+    Finding checkTick(const MotionState& from, const JointVector& jerk) {
         for (int k = 0; k < kLooks; ++k) {
             JointVector q(from.q.size()), qd(from.q.size());
             for (Eigen::Index i = 0; i < q.size(); ++i) {
@@ -134,7 +134,7 @@ private:
                 q[i] = s.p;
                 qd[i] = s.v;
             }
-            const double use = judge_->find(q, qd).use;
+            const double use = checker_->find(q, qd).use;
             use_ = std::max(use_, use);
             worst = std::max(worst, use);
             if (use > 1.0 + kAllowed) return {"a point is too fast", use - 1.0};
@@ -150,12 +150,12 @@ private:
             jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
         decision_.holdJerk(jerk);
         filter_.skipTicks(1);
-        const Finding finding = judgeTick(state_, jerk);
+        const Finding finding = checkTick(state_, jerk);
         advanceNominal(decision_, kTick_s, state_);
-        return finding.what ? finding : judgeLimits(state_, description_.limits, kAllowed);
+        return finding.what ? finding : checkLimits(state_, description_.limits, kAllowed);
     }
 
-    Finding judgeTorque(const FilterDecision& decision) const {
+    Finding checkTorque(const FilterDecision& decision) const {
         HeldMotion motion;
         calcHeldMotion({state_, torque_, dynamics_}, FilterStatus::Modified, decision, kTick_s, motion);
         for (Eigen::Index i = 0; i < motion.torque.size(); ++i) {
@@ -167,7 +167,7 @@ private:
     }
 
     /** The stop of this tick's decision, followed to its end. */
-    Finding judgeStop() {
+    Finding checkStop() {
         ++stops;
         MotionState s = state_;
         advanceNominal(decision_, kTick_s, s);
@@ -181,7 +181,7 @@ private:
                 jerk[static_cast<Eigen::Index>(i)] = left[i].takeJerk();
             }
             next.holdJerk(jerk);
-            if (Finding finding = judgeTick(s, jerk); finding.what) {
+            if (Finding finding = checkTick(s, jerk); finding.what) {
                 finding.what = "a point is too fast along a stop";
                 return finding;
             }
@@ -196,7 +196,7 @@ private:
     RobotDescription description_;
     WholeArmBrakingOptions options_;
     std::optional<RunSetup> setup_;
-    std::optional<detail::PointSpeedLimit> judge_;
+    std::optional<detail::PointSpeedLimit> checker_;
     WholeArmBrakingFilter filter_;
     MotionState state_;
     Dynamics dynamics_;

@@ -67,7 +67,7 @@ std::string formatRanking(const std::vector<CaseResult>& results);
 
 /** What is not as a user wants it though the limits may hold, each in one line with its remedy: a real arm that does not
 follow, motors at their limits, a tool or a joint that misses its command or swings about it, joints that chatter at a limit. */
-std::vector<std::string> findShortcomings(const CaseResult& result);
+std::vector<std::string> findProblems(const CaseResult& result);
 
 /** What became of the limits and of the job, in one line. */
 std::string formatVerdict(const CaseResult& result);

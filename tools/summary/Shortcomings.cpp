@@ -239,7 +239,7 @@ void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
 
 }  // namespace
 
-std::vector<std::string> findShortcomings(const CaseResult& r) {
+std::vector<std::string> findProblems(const CaseResult& r) {
     std::vector<std::string> found;
     if (r.summary.ticks() == 0 || (r.stopReason != StopReason::None && r.stopReason != StopReason::Requested &&
                                    r.stopReason != StopReason::FilterEnded))

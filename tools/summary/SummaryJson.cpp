@@ -64,7 +64,7 @@ json describe(const CaseResult& r) {
                 {"interventions", describeInterventions(r.summary)},
                 {"controller", r.controller},
                 {"verdict", formatVerdict(r)},
-                {"shortcomings", findShortcomings(r)},
+                {"shortcomings", findProblems(r)},
                 {"account", formatDetails(r)},
                 {"warnings", r.warnings},
                 {"assumed", r.assumed},

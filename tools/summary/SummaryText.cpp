@@ -243,7 +243,7 @@ std::string formatRealVerdict(const CaseResult& r) {
 
 std::string formatShortcomings(const CaseResult& r) {
     std::string text;
-    for (const std::string& shortcoming : findShortcomings(r)) text += "; " + shortcoming;
+    for (const std::string& shortcoming : findProblems(r)) text += "; " + shortcoming;
     return text;
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/Text.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "viable/core/Error.h"
 #include "viable/limits/ArmLimit.h"
 
@@ -373,14 +373,14 @@ std::string WholeArmChoice::listTooNear(const ArmGeometry& geometry) const {
 std::string WholeArmChoice::describeExactly(const RunSetup& setup) const {
     constexpr int kPoses = 100;
     const Environment around = view_.surroundings ? view_.surroundings->environment() : Environment();
-    const CollisionJudge judge(setup.robot, *setup.geometry, around);
-    CollisionJudge::Contact nearest;
+    const CollisionChecker checker(setup.robot, *setup.geometry, around);
+    CollisionChecker::Contact nearest;
     nearest.distance = kLargestShown_m;
     JointVector q;
     for (int k = 0; k <= kPoses; ++k) {
         const double t = storedPath_.duration() * k / kPoses;
         storedPath_.calcPositions(t, q);
-        const CollisionJudge::Contact contact = judge.findContact(q, time() + t, kLargestShown_m);
+        const CollisionChecker::Contact contact = checker.findContact(q, time() + t, kLargestShown_m);
         if (contact.distance < nearest.distance) nearest = contact;
     }
     const auto getLink = [&](int link) { return setup.geometry->links[static_cast<std::size_t>(link)]; };

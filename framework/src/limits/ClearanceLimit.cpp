@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "core/Text.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "limits/LimitRows.h"
 #include "viable/core/Numbers.h"
 
@@ -17,7 +17,7 @@ public:
         : links_(scene.geometry->links),
           obstacles_(scene.environment->obstacleNames()),
           safetyDistance_m_(scene.environment->safetyDistance_m),
-          judge_(scene.robot, *scene.geometry, *scene.environment) {}
+          checker_(scene.robot, *scene.geometry, *scene.environment) {}
 
     LimitSample sample(const ArmSample& arm) override;
     std::optional<double> limit() const override { return safetyDistance_m_; }
@@ -25,14 +25,14 @@ public:
 private:
     std::vector<std::string> links_, obstacles_;
     double safetyDistance_m_;
-    CollisionJudge judge_;
+    CollisionChecker checker_;
 };
 
 LimitSample ClearanceLimit::sample(const ArmSample& arm) {
     // What is farther than the nearest so far and than the safety distance changes no figure.
-    static_assert(kClearanceHorizon_m <= CollisionJudge::kMostHorizon_m);
+    static_assert(kClearanceHorizon_m <= CollisionChecker::kMostHorizon_m);
     const double horizon = std::min(std::max(safetyDistance_m_, arm.worst), kClearanceHorizon_m);
-    const CollisionJudge::Contact contact = judge_.findContact(arm.q, arm.time_s, horizon);
+    const CollisionChecker::Contact contact = checker_.findContact(arm.q, arm.time_s, horizon);
     LimitSample found;
     found.value = kInfinity;
     if (contact.distance >= horizon) return found;

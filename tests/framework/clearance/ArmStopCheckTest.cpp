@@ -8,7 +8,7 @@
 
 #include "DrawnPath.h"
 #include "SlidingArm.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -108,13 +108,13 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
             check.beginTick();
             check.examine(path, 0.0, demands, JointVector::Zero(n), {}, false, result);
             const double proven = *std::min_element(result.proven.begin(), result.proven.end());
-            const CollisionJudge judge(subject.robot, subject.geometry, environment);
+            const CollisionChecker checker(subject.robot, subject.geometry, environment);
             double least = kInfinity;
             JointVector q;
             constexpr int kPoses = 2000;
             for (int k = 0; k <= kPoses; ++k) {
                 path.calcPositions(path.duration() * k / kPoses, q);
-                least = std::min(least, judge.findContact(q, 0.0, kHorizon_m).distance);
+                least = std::min(least, checker.findContact(q, 0.0, kHorizon_m).distance);
             }
             // Of what is too near only that is told; and what is farther than `ahead` need not be told apart.
             if (least < kHorizon_m) tooMuch = std::max(tooMuch, proven - std::max(least, 0.0));
@@ -297,7 +297,7 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
             const Surroundings surroundings(environment, -far, far, 1.0);
             check.setSurroundings(&surroundings);
             plain.setSurroundings(&surroundings);
-            const CollisionJudge judge(subject.robot, subject.geometry, environment);
+            const CollisionChecker checker(subject.robot, subject.geometry, environment);
             const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -40.0, 40.0};
             const DrawnPath drawn{JointVector::Constant(n, 1.5), 3.0, 10.0, 40.0, limits};
             ArmPath path = drawn.draw(random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03, kTick_s);
@@ -341,7 +341,7 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
                     for (int k = 0; k <= kPoses; ++k) {
                         next.calcPositions(next.duration() * k / kPoses, q);
                         least = std::min(
-                            least, judge.findContact(q, time_s + next.duration() * k / kPoses, kHorizon_m).distance);
+                            least, checker.findContact(q, time_s + next.duration() * k / kPoses, kHorizon_m).distance);
                     }
                     const double proven = *std::min_element(result.proven.begin(), result.proven.end());
                     if (least < kHorizon_m) tooMuch = std::max(tooMuch, proven - std::max(least, 0.0));
@@ -431,14 +431,14 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         ball.radius = 1e-3;
         ball.pose.translation() = end + (tip.radius + ball.radius - 0.002) * ahead;
         environment.solids.push_back(ball);
-        const CollisionJudge judge(subject.robot, alone, environment);
+        const CollisionChecker checker(subject.robot, alone, environment);
         double least = kInfinity;
         for (int k = 0; k <= kPoses; ++k) {
             path.calcPositions(path.duration() * k / kPoses, q);
-            least = std::min(least, judge.findContact(q, 0.0, kHorizon_m).distance);
+            least = std::min(least, checker.findContact(q, 0.0, kHorizon_m).distance);
         }
         const auto isFree = [&](const JointVector& pose) {
-            return judge.findContact(pose, 0.0, kHorizon_m).distance > 1.04 * detail::bisection::kGuard_m;
+            return checker.findContact(pose, 0.0, kHorizon_m).distance > 1.04 * detail::bisection::kGuard_m;
         };
         if (!(least < 0.0 && isFree(s.q) && isFree(q))) continue;
         ++hits;

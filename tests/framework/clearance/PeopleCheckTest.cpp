@@ -172,18 +172,18 @@ ArmPath drawPath(int n, std::mt19937& random, double size) {
 }
 
 /** The least m of PeopleCheck over times of a path, with code that shares none of it: the person has grown by then. */
-double sampleMargin(const detail::SeparationLimit& judge, const ArmPath& path, const PersonObservation& seen,
+double sampleMargin(const detail::SeparationLimit& checker, const ArmPath& path, const PersonObservation& seen,
                     double grown, double speed, double t) {
     JointVector q, qd;
     path.calcMotion(t, q, qd);
     PeopleObservation places;
     places.people[0] = seen;
-    // The judge tells the gap to what is not at rest.
-    const double gap = judge.find(q, qd, places, 0.0).protective;
+    // The checker tells the gap to what is not at rest.
+    const double gap = checker.find(q, qd, places, 0.0).protective;
     return gap - grown - speed * t;
 }
 
-// What is proven along a path against a judge of its own, at four hundred times of the path: never too much, and not far off.
+// What is proven along a path against a checker of its own, at four hundred times of the path: never too much, and not far off.
 TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> share(0.0, 1.0);
@@ -209,13 +209,13 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
             path.calcExtremes(extremes);
             PeopleCheck::Result result;
             check.examine(path, extremes, {0.0, PeopleCheck::kGuard_m}, false, result);
-            const detail::SeparationLimit judge(robot, geometry, people);
+            const detail::SeparationLimit checker(robot, geometry, people);
             double least = kInfinity;
             constexpr int kTimes = 400;
             for (int k = 0; k < kTimes; ++k)
-                least =
-                    std::min(least, sampleMargin(judge, path, seen.people[0], error_m + people[0].maxSpeed * latency_s,
-                                                 people[0].maxSpeed, path.duration() * (k + 0.5) / kTimes));
+                least = std::min(least,
+                                 sampleMargin(checker, path, seen.people[0], error_m + people[0].maxSpeed * latency_s,
+                                              people[0].maxSpeed, path.duration() * (k + 0.5) / kTimes));
             if (result.isKept) {
                 ++kept;
                 EXPECT_GT(least, -1e-9) << round;

@@ -80,7 +80,7 @@ TEST(SpeedCheck, NoPointIsFasterThanIsProvenAtAnyTime) {
                 robot.speedLimits.regions.push_back({"box", centre - half, centre + half, 0.05});
             }
             SpeedCheck check(robot, &geometry, kTick_s);
-            const detail::PointSpeedLimit judge(robot, &geometry);
+            const detail::PointSpeedLimit checker(robot, &geometry);
             const ArmPath path = drawPath(n, random,
                                           round % 3 == 0   ? 1.0
                                           : round % 3 == 1 ? 0.2
@@ -98,7 +98,7 @@ TEST(SpeedCheck, NoPointIsFasterThanIsProvenAtAnyTime) {
                 // Half of them where the path begins: there it is fast.
                 const double t = path.duration() * (k % 2 == 0 ? k : 0.1 * k) / kTimes;
                 path.calcMotion(t, q, qd);
-                const detail::PointSpeedLimit::Fastest found = judge.find(q, qd);
+                const detail::PointSpeedLimit::Fastest found = checker.find(q, qd);
                 most = std::max(most, found.use);
                 if (k % 100 != 3 || robot.speedLimits.arm == kInfinity) continue;
                 const double speed = sampleSpeed(robot, geometry, path, t, random);
@@ -130,7 +130,7 @@ TEST(SpeedCheck, AStopAlongWhichAPointBecomesFasterIsNotTakenForSlow) {
     const ArmGeometry geometry = loadArmGeometry(robot);
     const int n = robot.size();
     SpeedCheck check(robot, &geometry, kTick_s);
-    const detail::PointSpeedLimit judge(robot, &geometry);
+    const detail::PointSpeedLimit checker(robot, &geometry);
     MotionState s{robot.home, JointVector::Zero(n), JointVector::Zero(n)};
     std::mt19937 random(2);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
@@ -149,12 +149,12 @@ TEST(SpeedCheck, AStopAlongWhichAPointBecomesFasterIsNotTakenForSlow) {
         }
         ArmPath path;
         path.set(s, JointVector::Zero(n), stops, kTick_s);
-        const double first = judge.find(s.q, s.qd).use;
+        const double first = checker.find(s.q, s.qd).use;
         double most = 0.0;
         JointVector q, qd;
         for (int k = 0; k <= 400; ++k) {
             path.calcMotion(path.duration() * k / 400, q, qd);
-            most = std::max(most, judge.find(q, qd).use);
+            most = std::max(most, checker.find(q, qd).use);
         }
         if (!(first < 0.97 && most > 1.0)) continue;
         ++rising;

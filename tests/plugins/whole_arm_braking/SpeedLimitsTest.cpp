@@ -30,7 +30,7 @@ public:
         state = {robot.home, JointVector::Zero(n), JointVector::Zero(n)};
         options_ = options;
         const ArmGeometry geometry = loadArmGeometry(robot);
-        judge.emplace(robot, &geometry);
+        checker.emplace(robot, &geometry);
     }
     void configure() {
         model_.calcDynamics(state.q, state.qd, dynamics);
@@ -46,7 +46,7 @@ public:
         model_.calcDynamics(state.q, state.qd, dynamics);
         return status;
     }
-    double use() const { return judge->find(state.q, state.qd).use; }
+    double use() const { return checker->find(state.q, state.qd).use; }
     bool acts(LimitKind kind) const {
         for (const JointIntervention& joint : decision.joints)
             if (joint.limit == kind) return true;
@@ -62,7 +62,7 @@ public:
     }
 
     RobotDescription robot;
-    std::optional<detail::PointSpeedLimit> judge;
+    std::optional<detail::PointSpeedLimit> checker;
     WholeArmBrakingFilter filter;
     MotionState state;
     Dynamics dynamics;
@@ -183,7 +183,7 @@ TEST(SpeedLimits, ARegionIsEnteredSlowly) {
     int inside = 0, insideAtLimit = 0, tick = 0;
     for (; tick < 30000 && arm.state.q[0] < goal[0] - 0.05; ++tick) {
         arm.goTo(goal, 100.0);
-        const detail::PointSpeedLimit::Fastest found = arm.judge->find(arm.state.q, arm.state.qd);
+        const detail::PointSpeedLimit::Fastest found = arm.checker->find(arm.state.q, arm.state.qd);
         most = std::max(most, found.use);
         fastest = std::max(fastest, found.speed);
         const bool isInside = found.use > 0.0 && found.speed / found.use < 0.1;

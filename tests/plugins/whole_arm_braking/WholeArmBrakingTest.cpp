@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "TestArm.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "viable/core/JointTypes.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"
@@ -80,9 +80,9 @@ public:
         }
         return status;
     }
-    double judge() const {
-        if (!judge_) judge_ = std::make_unique<CollisionJudge>(robot_, geometry, environment);
-        return judge_->findContact(state.q, t, 0.5).distance;
+    double findDistance() const {
+        if (!checker_) checker_ = std::make_unique<CollisionChecker>(robot_, geometry, environment);
+        return checker_->findContact(state.q, t, 0.5).distance;
     }
 
     Environment environment;
@@ -97,7 +97,7 @@ private:
     RobotModel model_;
     std::optional<RunSetup> setup_;
     WholeArmBrakingOptions options_;
-    mutable std::unique_ptr<CollisionJudge> judge_;
+    mutable std::unique_ptr<CollisionChecker> checker_;
 
 public:
     SurroundingsFeed feed;
@@ -144,7 +144,7 @@ TEST(WholeArmBraking, AThinPlateBetweenTwoLooksIsNotMissed) {
         double least = kInfinity;
         for (int tick = 0; tick < 3000; ++tick) {
             arm.goTo(goal, 400.0);
-            least = std::min(least, arm.judge());
+            least = std::min(least, arm.findDistance());
         }
         EXPECT_GT(least, -kAllowed_m) << angle;
         EXPECT_LT(least, 0.02) << "it never came near the plate";
@@ -164,7 +164,7 @@ TEST(WholeArmBraking, MovingAwayIsPossibleAtOnce) {
         ArmAmongObstacles arm(environment, options);
         arm.configure();
         for (int tick = 0; tick < 4000; ++tick) arm.goTo(turned(arm.robot().home, 0, 2.0));
-        const double touching = arm.judge();
+        const double touching = arm.findDistance();
         EXPECT_LT(touching, 0.045);
         EXPECT_GE(touching, 0.03 - kAllowed_m);
         // Until it is a microradian away; and how long full jerk takes from the same state, were there no plate.
@@ -263,7 +263,7 @@ TEST(WholeArmBraking, SteeringReachesMoreOfTheFreeSpaceThanStopping) {
         JointVector goal(6);
         for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
         drawn.state.q = goal;
-        if (drawn.judge() < 0.04) continue;
+        if (drawn.findDistance() < 0.04) continue;
         ++k;
         for (const bool steers : {false, true}) {
             WholeArmBrakingOptions options;
@@ -275,7 +275,7 @@ TEST(WholeArmBraking, SteeringReachesMoreOfTheFreeSpaceThanStopping) {
             const double rest = (arm.state.q - goal).lpNorm<Eigen::Infinity>();
             reached[steers] += rest < kReached_rad;
             missing[steers] += rest / kGoals;
-            EXPECT_GE(arm.judge(), 0.02 - kAllowed_m);
+            EXPECT_GE(arm.findDistance(), 0.02 - kAllowed_m);
         }
     }
     std::printf(
@@ -387,9 +387,9 @@ TEST(WholeArmBraking, TheClearanceItTellsIsALowerBoundInItsTick) {
         for (int tick = 0; tick < 3000; ++tick) {
             if (tick % 400 == 0)
                 for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
-            const double before = arm.judge();
+            const double before = arm.findDistance();
             arm.goTo(goal);
-            const double least = std::min(before, arm.judge());
+            const double least = std::min(before, arm.findDistance());
             if (!arm.decision.reports[LimitKind::Clearance].isKnown || least >= 0.4) continue;
             tooMuch = std::max(tooMuch, arm.decision.reports[LimitKind::Clearance].margin - least);
             if (least > 0.05) continue;
@@ -432,17 +432,17 @@ TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
             EXPECT_EQ(clearance.other, 0) << tick;
         }
         reported = std::min(reported, clearance.margin);
-        deepest = std::min(deepest, arm.judge());
+        deepest = std::min(deepest, arm.findDistance());
     }
     EXPECT_LT(reported, 0.0) << "it tells that it is in collision";
     // It stands beyond the middle of the ball: the way out is onward.
     const JointVector out = turned(arm.robot().home, 0, 1.8);
     for (int tick = 0; tick < 3000; ++tick) {
         arm.goTo(out);
-        ASSERT_GE(arm.judge(), deepest - 0.006) << tick;  // a look's guard, 5 mm, and what the field gives away
+        ASSERT_GE(arm.findDistance(), deepest - 0.006) << tick;  // a look's guard, 5 mm, and what the field gives away
     }
     EXPECT_NEAR(arm.state.q[0], out[0], 2e-3) << "it does not get out";
-    EXPECT_GE(arm.judge(), sudden.safetyDistance_m);
+    EXPECT_GE(arm.findDistance(), sudden.safetyDistance_m);
 }
 
 // Seen anew in every tick and quicker than the arm: it comes at 6 m/s after the tool, goes through the arm, and leaves.
@@ -489,13 +489,13 @@ TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) 
             for (const JointIntervention& joint : arm.decision.joints) acts |= joint.limit == LimitKind::Clearance;
             braked += acts;
             if (!isThere) continue;
-            CollisionJudge judge(arm.robot(), arm.geometry, now);
-            const bool touches = judge.findContact(q, arm.t, 0.5).distance < -1e-6;
+            CollisionChecker checker(arm.robot(), arm.geometry, now);
+            const bool touches = checker.findContact(q, arm.t, 0.5).distance < -1e-6;
             const bool tells = arm.decision.reports[LimitKind::Clearance].isKnown &&
                                arm.decision.reports[LimitKind::Clearance].margin < 0.0;
             touched += touches;
             told += touches && tells;
-            falselyTold += tells && judge.findContact(q, arm.t, 0.5).distance > now.safetyDistance_m;
+            falselyTold += tells && checker.findContact(q, arm.t, 0.5).distance > now.safetyDistance_m;
         }
         std::printf("  %s: braked in %d ticks; touched in %d, told in %d of them\n", appears ? "at once" : "from afar",
                     braked, touched, told);
@@ -549,7 +549,7 @@ TEST(Fault61, SurroundingsExchangedWhileTheArmMoves) {
     for (int tick = 0; tick < 1500; ++tick) {
         quiet.goTo(there);
         swapped.goTo(there);
-        least = std::min(least, swapped.judge());
+        least = std::min(least, swapped.findDistance());
     }
     ends = true;
     maker.join();
@@ -571,7 +571,7 @@ TEST(WholeArmBraking, AStartTooNearIsRefusedWithLinkObstacleAndDistance) {
     ArmAmongObstacles led(environment, options);
     led.configure();
     for (int tick = 0; tick < 3000; ++tick) led.goTo(turned(led.robot().home, 0, 1.0));
-    EXPECT_GE(led.judge(), 0.02 - kAllowed_m) << "it is led out";
+    EXPECT_GE(led.findDistance(), 0.02 - kAllowed_m) << "it is led out";
 }
 
 TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {

@@ -13,7 +13,7 @@
 
 #include "Effort.h"
 #include "Paths.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "tracking/ToolFollower.h"
 #include "viable/core/Numbers.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
@@ -319,7 +319,7 @@ ArmBatchState runAmongObstacles(int threads, BatchAction action, int steps, doub
     options.environment = makeEnvironment();
     ArmBatch batch(robot, 5, 0.001, options);
     for (const double clearance : batch.state().clearance) EXPECT_TRUE(std::isnan(clearance));
-    const CollisionJudge judge(robot, loadArmGeometry(robot), *options.environment);
+    const CollisionChecker checker(robot, loadArmGeometry(robot), *options.environment);
     std::mt19937_64 random(13);
     Actions actions;
     std::int64_t ticks = 0;
@@ -334,7 +334,8 @@ ArmBatchState runAmongObstacles(int threads, BatchAction action, int steps, doub
         }
         for (int arm = 0; arm < 5 && least; ++arm) {
             const double exact =
-                judge.findContact(getRow(batch.state().q, batch, arm), 1e-3 * static_cast<double>(ticks), 1.0).distance;
+                checker.findContact(getRow(batch.state().q, batch, arm), 1e-3 * static_cast<double>(ticks), 1.0)
+                    .distance;
             const double told = batch.state().clearance[static_cast<std::size_t>(arm)];
             EXPECT_LE(told, exact + 1e-6) << step;
             EXPECT_GE(told, options.environment->safetyDistance_m - 1e-6) << step;

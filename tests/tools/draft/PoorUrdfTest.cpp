@@ -326,7 +326,7 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
     std::string deep = "<robot name='x'>";
     for (int i = 0; i < 150000; ++i) deep += "<a x=\"/>\">";
     std::ofstream(folder_.path() / "deep.urdf") << deep;
-    const auto judge = [&](const std::string& file) {
+    const auto check = [&](const std::string& file) {
         try {
             readRobotDraft(folder_.path() / file);
         } catch (const Error& error) {
@@ -334,7 +334,7 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
         }
         return std::string("accepted");
     };
-    test::expectContains(judge("deep.urdf"), {"nested deeper than 64 levels"});
+    test::expectContains(check("deep.urdf"), {"nested deeper than 64 levels"});
     std::string opens, closes;
     for (int i = 0; i < 20000; ++i) {
         opens += "<a>";
@@ -345,7 +345,7 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
           "<robot name=\"x\"><!-->" + closes + "-->", std::string("<robot name=\"x\"><1 \">"),
           std::string("<robot b=\"\xF0\" c=d\">")}) {
         std::ofstream(folder_.path() / "hidden.urdf") << hidden << opens;
-        const std::string fault = judge("hidden.urdf");
+        const std::string fault = check("hidden.urdf");
         EXPECT_TRUE(fault.find("this is not XML") != std::string::npos ||
                     fault.find("nested deeper") != std::string::npos)
             << fault;
@@ -353,7 +353,7 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
     std::string many = "<robot name='x'><link ";
     for (int i = 0; i < 100000; ++i) many += "a" + std::to_string(i) + "='' ";
     std::ofstream(folder_.path() / "many.urdf") << many << "/></robot>";
-    test::expectContains(judge("many.urdf"), {"an element has more than 100 attributes"});
+    test::expectContains(check("many.urdf"), {"an element has more than 100 attributes"});
     std::string chain = "<robot name='x'><link name='l0'/>", unknown = chain;
     for (int i = 1; i < 20000; ++i) {
         const std::string n = std::to_string(i), before = std::to_string(i - 1);
@@ -366,8 +366,8 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
     std::ofstream(folder_.path() / "chain.urdf") << chain << "</robot>";
     std::ofstream(folder_.path() / "unknown.urdf") << unknown << "</robot>";
     const auto begin = std::chrono::steady_clock::now();
-    test::expectContains(judge("chain.urdf"), {"the robot has no moving joint"});
-    test::expectContains(judge("unknown.urdf"), {"things are wrong", "... and "});
+    test::expectContains(check("chain.urdf"), {"the robot has no moving joint"});
+    test::expectContains(check("unknown.urdf"), {"things are wrong", "... and "});
     const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
     EXPECT_LT(taken.count(), 20.0) << "minutes, where each joint looks at all others";
 }

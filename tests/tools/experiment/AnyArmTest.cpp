@@ -38,7 +38,7 @@ TEST(AnyArm, DefaultGainsFollowAndTheVerdictIsClean) {
     const CaseResult r = runArm(kPanda);
     EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
     EXPECT_EQ(r.exitCode(), 0);
-    EXPECT_TRUE(findShortcomings(r).empty()) << formatVerdict(r);
+    EXPECT_TRUE(findProblems(r).empty()) << formatVerdict(r);
     for (int i = 0; i < 7; ++i) EXPECT_LT(r.summary.trackingRms(i), 0.01) << i;
     EXPECT_LT(r.summary.toolErrorRms(), 0.005);
     // The real tool: by its own kinematics, not far from the nominal one.
@@ -193,7 +193,7 @@ TEST(AnyArm, ASwingingToolIsNamedWithItsRemedy) {
     const CaseResult spring = runArm(kTeleoperation, hand);
     expectContains(formatVerdict(spring), {"the tool swings about its command", "tool_servo, which knows it"});
     const CaseResult servo = runArm(kTeleoperation, {hand[0], hand[1], "controller={plugin: tool_servo}"});
-    EXPECT_TRUE(findShortcomings(servo).empty()) << formatVerdict(servo);
+    EXPECT_TRUE(findProblems(servo).empty()) << formatVerdict(servo);
     const auto json = nlohmann::json::parse(writeSummaryJson("", "", {spring, servo}));
     EXPECT_EQ(json["cases"][0]["shortcomings"].size(), 1u);
     EXPECT_EQ(json["cases"][1]["shortcomings"].size(), 0u);

@@ -66,7 +66,7 @@ struct RecordedRun {
         : RecordedRun(readTestExperiment(text, overrides)) {}
 
     /** Not tripped, and nothing to complain of. */
-    bool isGood() const { return result->stopReason == StopReason::None && findShortcomings(*result).empty(); }
+    bool isGood() const { return result->stopReason == StopReason::None && findProblems(*result).empty(); }
     bool isTripped() const {
         return result->stopReason == StopReason::NotFollowing || result->stopReason == StopReason::SensorFailed;
     }
@@ -239,7 +239,7 @@ TEST(Fault16, LighterAndHeavierArmsWithShiftedCentresOfMassFollowOrTrip) {
             SCOPED_TRACE(robot + ", " + arm.name);
             const RecordedRun run(kHandLed, joined({robot, "duration_s=1"}, arm.overrides));
             const int compared = expectSameNominal(run, asModelled);
-            const bool isTold = run.isTripped() || !findShortcomings(*run.result).empty();
+            const bool isTold = run.isTripped() || !findProblems(*run.result).empty();
             std::printf("  %-40s %s (%d ticks, %.3g mrad RMS)\n", (robot.substr(6) + ", " + arm.name).c_str(),
                         run.isTripped() ? run.result->stopMessage.c_str()
                         : isTold        ? "told"
@@ -322,7 +322,7 @@ TEST(Fault19, HalfTheTorqueIsFoundBeforeTheErrorIsLarge) {
         weak.cases[0].robot.actuation.torqueLimit = 1.5 * needed;
         const RecordedRun run(weak);
         expectSameNominal(run, enough);
-        const bool isTold = run.isTripped() || !findShortcomings(*run.result).empty();
+        const bool isTold = run.isTripped() || !findProblems(*run.result).empty();
         EXPECT_TRUE(isTold) << formatVerdict(*run.result);
         // Up to the trip: 0.15 s at the velocity limit (FollowingWatch), 50 mrad at least.
         double before = 0.0;
@@ -472,7 +472,7 @@ TEST(Fault22, EncodersOf12To20BitLeaveTheNominalArmAlone) {
                         run.isTripped() ? run.result->stopMessage.c_str() : formatVerdict(*run.result).c_str(),
                         1e3 * worst);
             EXPECT_TRUE(run.isTripped() || compared == 2000);
-            EXPECT_TRUE(run.isTripped() || !findShortcomings(*run.result).empty() || worst < 0.02) << worst;
+            EXPECT_TRUE(run.isTripped() || !findProblems(*run.result).empty() || worst < 0.02) << worst;
         }
     }
 }

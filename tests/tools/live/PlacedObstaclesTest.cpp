@@ -10,7 +10,7 @@
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 #include "live/LiveSession.h"
 #include "live/Replay.h"
 #include "log/LogWriter.h"
@@ -191,7 +191,7 @@ came was about to: what is put too near is no fault of the arm's, and what comes
 void expectNothingAvoidable(const Drive& drive) {
     const CasePlan& plan = drive.experiment.cases[0];
     const PlacedObstacles::Version* version = nullptr;
-    std::unique_ptr<CollisionJudge> judge;
+    std::unique_ptr<CollisionChecker> checker;
     double allowed = plan.environment->safetyDistance_m;
     std::size_t judged = 0;
     for (std::size_t k = 0; k < drive.rows.size(); ++k) {
@@ -203,13 +203,13 @@ void expectNothingAvoidable(const Drive& drive) {
             Environment environment = *plan.environment;
             if (now)
                 for (const auto& one : now->all) environment.solids.push_back(*one.solid);
-            judge = std::make_unique<CollisionJudge>(plan.robot, *plan.geometry, environment);
+            checker = std::make_unique<CollisionChecker>(plan.robot, *plan.geometry, environment);
             allowed = std::min(plan.environment->safetyDistance_m, row.reports[LimitKind::Clearance].margin);
         }
         // Depths in a solid are no lower bounds: balls and capsules measure them differently.
         if (k % 5 != 0 || allowed <= 0.0) continue;  // the judge takes its time
         ++judged;
-        EXPECT_GE(judge->findContact(row.nominal.q, row.time_s, 0.5).distance, allowed - 1e-6) << row.time_s;
+        EXPECT_GE(checker->findContact(row.nominal.q, row.time_s, 0.5).distance, allowed - 1e-6) << row.time_s;
     }
     EXPECT_GT(judged, drive.rows.size() / 20);
 }

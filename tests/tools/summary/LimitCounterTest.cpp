@@ -9,7 +9,7 @@ namespace viable {
 namespace {
 
 /** Rows of an arm whose first joint has so many rad/s in each of them; in those of `late` the reading is the one before. */
-LimitAccount judge(const std::vector<double>& velocity, const std::vector<bool>& late) {
+LimitAccount countLimit(const std::vector<double>& velocity, const std::vector<bool>& late) {
     RobotDescription robot = testing::makeTwoLinkArm();
     robot.speedLimits.tool = 10.0;
     detail::LimitCounter counter(LimitKind::Speed, std::make_unique<detail::PointSpeedLimit>(robot, nullptr), true);
@@ -29,8 +29,8 @@ LimitAccount judge(const std::vector<double>& velocity, const std::vector<bool>&
 
 TEST(LimitCounter, AReadingThatStandsThereAgainIsNoJump) {
     const std::vector<double> velocity(7, 1.0);
-    const LimitAccount all = judge(velocity, std::vector<bool>(7, false));
-    const LimitAccount late = judge(velocity, {false, false, true, true, true, false, false});
+    const LimitAccount all = countLimit(velocity, std::vector<bool>(7, false));
+    const LimitAccount late = countLimit(velocity, {false, false, true, true, true, false, false});
     ASSERT_TRUE(all.real && late.real);
     EXPECT_GT(all.real->largest, 0.1);
     EXPECT_NEAR(all.real->largest, all.nominal.largest, 1e-12);
@@ -46,7 +46,7 @@ TEST(LimitCounter, NothingIsMadeUpForAGap) {
     std::vector<bool> late(velocity.size(), true);
     late.front() = late.back() = false;
     late[1] = false;
-    const LimitAccount found = judge(velocity, late);
+    const LimitAccount found = countLimit(velocity, late);
     EXPECT_NEAR(found.real->largest, found.nominal.largest, 1e-9);
     EXPECT_LE(found.real->worst, found.nominal.worst + 1e-12);
 }

@@ -19,7 +19,7 @@ Person makeVisitor(double from, double maxSpeed, double contactSpeed) {
     return person;
 }
 
-LimitAccount judge(const Person& person, double velocity, int ticks = 2000) {
+LimitAccount countLimit(const Person& person, double velocity, int ticks = 2000) {
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     const ArmGeometry geometry = loadArmGeometry(robot);
     detail::LimitCounter counter(
@@ -42,7 +42,7 @@ LimitAccount judge(const Person& person, double velocity, int ticks = 2000) {
 }
 
 TEST(Separation, WhatRestsMayBeTouched) {
-    const LimitAccount found = judge(makeVisitor(2.0, 1.6, 0.0), 0.0);
+    const LimitAccount found = countLimit(makeVisitor(2.0, 1.6, 0.0), 0.0);
     EXPECT_GT(found.nominal.nearTicks, 300);
     EXPECT_EQ(found.nominal.brokenTicks, 0);
     EXPECT_EQ(found.nominal.largest, 0.0);
@@ -51,7 +51,7 @@ TEST(Separation, WhatRestsMayBeTouched) {
 }
 
 TEST(Separation, WhatMovesMayNot) {
-    const LimitAccount found = judge(makeVisitor(2.0, 1.6, 0.0), 0.5);
+    const LimitAccount found = countLimit(makeVisitor(2.0, 1.6, 0.0), 0.5);
     EXPECT_GT(found.nominal.brokenTicks, 100);
     EXPECT_EQ(found.nominal.violatedTicks, found.nominal.brokenTicks);
     EXPECT_LE(found.nominal.worst, 0.0);
@@ -60,23 +60,23 @@ TEST(Separation, WhatMovesMayNot) {
     ASSERT_TRUE(found.nominal.firstBroken_s);
     EXPECT_EQ(found.resting_s, 0.0);
     // Slow enough to be touched at.
-    const LimitAccount slow = judge(makeVisitor(2.0, 1.6, 0.5), 0.5);
+    const LimitAccount slow = countLimit(makeVisitor(2.0, 1.6, 0.5), 0.5);
     EXPECT_GT(slow.nominal.nearTicks, 100);
     EXPECT_EQ(slow.nominal.brokenTicks, 0);
     EXPECT_GT(slow.nominal.largest, 0.01);
 }
 
 TEST(Separation, WhoIsFasterThanStatedIsNotTheArmsFault) {
-    const LimitAccount fast = judge(makeVisitor(2.0, 0.9, 0.0), 0.5);
+    const LimitAccount fast = countLimit(makeVisitor(2.0, 0.9, 0.0), 0.5);
     EXPECT_GT(fast.nominal.brokenTicks, 100);
     EXPECT_EQ(fast.nominal.violatedTicks, 0);
     Person late = makeVisitor(2.0, 1.6, 0.0);
     late.unseen = {{0.0, 0.1}};
-    EXPECT_EQ(judge(late, 0.5).nominal.violatedTicks, 0) << "nobody knew of her";
+    EXPECT_EQ(countLimit(late, 0.5).nominal.violatedTicks, 0) << "nobody knew of her";
     Person once = makeVisitor(2.0, 1.6, 0.0);  // a word that was broken long before frees nobody
     const Eigen::Vector3d from = once.walk.front().position;
     once.walk.insert(once.walk.begin(), {{-5.0, from + Eigen::Vector3d(5.0, 0.0, 0.0)}, {-4.0, from}});
-    const LimitAccount later = judge(once, 0.5);
+    const LimitAccount later = countLimit(once, 0.5);
     EXPECT_GT(later.nominal.brokenTicks, 100);
     EXPECT_EQ(later.nominal.violatedTicks, later.nominal.brokenTicks);
 }
@@ -84,12 +84,12 @@ TEST(Separation, WhoIsFasterThanStatedIsNotTheArmsFault) {
 TEST(Separation, AWordBrokenInEveryLapIsNotTheArmsFault) {
     Person once = makeVisitor(2.0, 1.6, 0.0);
     once.walk = {{0.0, {0.3, 0, 0}}, {0.8, {1.5, 0, 0}}};
-    const std::int64_t guilty = judge(once, 0.5).nominal.violatedTicks;
+    const std::int64_t guilty = countLimit(once, 0.5).nominal.violatedTicks;
     EXPECT_GT(guilty, 10);
     Person again = once;
     again.walk.push_back({1.0, {0.3, 0, 0}});  // at 6 m/s
     again.repeats = true;
-    const LimitAccount laps = judge(again, 0.5);
+    const LimitAccount laps = countLimit(again, 0.5);
     EXPECT_EQ(laps.nominal.violatedTicks, guilty) << "of the first lap, before the word was broken";
     EXPECT_GT(laps.nominal.brokenTicks, guilty);
 }
@@ -98,13 +98,13 @@ TEST(Separation, WhoBreaksTheWordUnseenIsNotTheArmsFault) {
     Person hidden = makeVisitor(2.0, 1.6, 0.0);
     hidden.walk = {{0.0, {6.0, 0, 0}}, {1.0, {6.0, 0, 0}}, {1.2, {2.0, 0, 0}}, {4.0, {2.0, 0, 0}}, {6.0, {0.0, 0, 0}}};
     hidden.unseen = {{0.5, 9.0}};
-    const LimitAccount found = judge(hidden, 0.5, 6000);
+    const LimitAccount found = countLimit(hidden, 0.5, 6000);
     EXPECT_GT(found.nominal.brokenTicks, 100);
     EXPECT_EQ(found.nominal.violatedTicks, 0);
 }
 
 TEST(Separation, TheLeastGap) {
-    const LimitAccount found = judge(makeVisitor(4.0, 1.6, 0.0), 0.5);
+    const LimitAccount found = countLimit(makeVisitor(4.0, 1.6, 0.0), 0.5);
     EXPECT_EQ(found.nominal.nearTicks, 0);
     EXPECT_GT(found.nominal.worst, 0.5);
     EXPECT_LT(found.nominal.worst, 3.0);

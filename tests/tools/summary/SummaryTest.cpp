@@ -265,12 +265,12 @@ TEST(Verdict, AJointThatSwingsAboutACommandAtRestIsTold) {
         const CaseResult decays =
             follow([&](double t) { return 0.3 + 0.5 * std::exp(-5.0 * damping * t) * std::cos(5.0 * t); }, rest);
         EXPECT_EQ(decays.summary.following(0).swing(), 0.0) << damping;
-        EXPECT_TRUE(findShortcomings(decays).empty()) << formatVerdict(decays);
+        EXPECT_TRUE(findProblems(decays).empty()) << formatVerdict(decays);
     }
     const CaseResult small = follow([](double t) { return 0.3 + 0.004 * std::cos(5.0 * t); }, rest);
-    EXPECT_TRUE(findShortcomings(small).empty()) << formatVerdict(small);
+    EXPECT_TRUE(findProblems(small).empty()) << formatVerdict(small);
     const auto wave = [](double t) { return 0.5 * std::cos(2.0 * t); };
-    EXPECT_TRUE(findShortcomings(follow(wave, wave)).empty());
+    EXPECT_TRUE(findProblems(follow(wave, wave)).empty());
 }
 
 TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
@@ -281,15 +281,14 @@ TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
     expectContains(formatDetails(lags), {"nominal joints 1", " degrees RMS, at most 2", "(joint0)"});
     const CaseResult swings = follow([](double t) { return 0.5 * std::sin(t) + 0.4 * std::sin(3.0 * t); }, wave);
     expectContains(formatVerdict(swings), {"joint0 swings about its command: "});
-    EXPECT_TRUE(findShortcomings(follow([](double t) { return 0.5 * std::sin(t - 0.09); }, wave)).empty());
+    EXPECT_TRUE(findProblems(follow([](double t) { return 0.5 * std::sin(t - 0.09); }, wave)).empty());
     // A command beyond the position limits counts at them.
-    EXPECT_TRUE(
-        findShortcomings(follow([](double) { return 1.0; }, [](double t) { return 2.0 + std::cos(t); })).empty());
+    EXPECT_TRUE(findProblems(follow([](double) { return 1.0; }, [](double t) { return 2.0 + std::cos(t); })).empty());
     // Set-points that jump are followed by no joint at once.
     const auto steps = [](double t) { return static_cast<int>(t) % 2 ? 0.5 : -0.5; };
     const CaseResult late = follow([&](double t) { return steps(t - 0.4); }, steps);
     EXPECT_TRUE(late.summary.following(0).jumps());
-    EXPECT_TRUE(findShortcomings(late).empty()) << formatVerdict(late);
+    EXPECT_TRUE(findProblems(late).empty()) << formatVerdict(late);
     // A joint that slides is told in millimetres.
     CaseResult slides = lags;
     slides.summary.setSliding({true});
@@ -372,7 +371,7 @@ TEST(Verdict, ASpringThatTheJerkLimitKeepsSwingingIsTold) {
     std::vector<std::string> servo = stiff;
     servo[0] = "controller={plugin: joint_servo}";
     const CaseResult quiet = run(servo);
-    EXPECT_TRUE(findShortcomings(quiet).empty()) << formatVerdict(quiet);
+    EXPECT_TRUE(findProblems(quiet).empty()) << formatVerdict(quiet);
 }
 
 TEST(Summary, OnlyCasesThatDifferInTheirFilterAloneAreRanked) {

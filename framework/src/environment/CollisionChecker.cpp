@@ -1,4 +1,4 @@
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 
 #include <cmath>
 #include <limits>
@@ -34,7 +34,7 @@ double findLeast(const Function& function, double cutoff) {
             left + (atRight.value - atLeft.value - atRight.slope * (right - left)) / (atLeft.slope - atRight.slope);
         s = std::min(std::max(s, left), right);
         const double bound = atLeft.value + atLeft.slope * (s - left);
-        if (bound >= cutoff || least - bound <= 0.5 * CollisionJudge::kAccuracy_m) break;
+        if (bound >= cutoff || least - bound <= 0.5 * CollisionChecker::kAccuracy_m) break;
         if (round % 2 == 1) s = 0.5 * (left + right);  // tangents alone may creep
         const Sample now = function(s);
         least = std::min(least, now.value);
@@ -120,7 +120,7 @@ Eigen::AlignedBox3d boxAround(const Segment& segment) {
 
 }  // namespace
 
-struct CollisionJudge::Scene {
+struct CollisionChecker::Scene {
     RobotDescription robot;
     ArmGeometry geometry;
     Environment environment;
@@ -139,7 +139,7 @@ struct CollisionJudge::Scene {
 };
 
 /** No point of a capsule gets farther from the base's origin while joints keep their limits [m]. */
-double CollisionJudge::Scene::calcArmReach() const {
+double CollisionChecker::Scene::calcArmReach() const {
     std::vector<double> reach(robot.joints.size(), 0.0);
     for (std::size_t j = 0; j < reach.size(); ++j) {
         const JointDescription& joint = robot.joints[j];
@@ -159,7 +159,7 @@ double CollisionJudge::Scene::calcArmReach() const {
     return most;
 }
 
-void CollisionJudge::Scene::readMap() {
+void CollisionChecker::Scene::readMap() {
     const MapChoice& choice = *environment.map;
     map = std::make_unique<OccupancyMap>(choice);
     toMap = choice.pose.inverse();
@@ -171,7 +171,7 @@ void CollisionJudge::Scene::readMap() {
     cells = detail::CellTree(std::move(found));
 }
 
-Eigen::Isometry3d CollisionJudge::Scene::calcMotion(int index, double q) const {
+Eigen::Isometry3d CollisionChecker::Scene::calcMotion(int index, double q) const {
     const JointDescription& joint = robot.joints[static_cast<std::size_t>(index)];
     Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
     if (joint.type == JointType::Prismatic)
@@ -182,7 +182,7 @@ Eigen::Isometry3d CollisionJudge::Scene::calcMotion(int index, double q) const {
 }
 
 /** The capsules' segments in the base frame. */
-std::vector<Segment> CollisionJudge::Scene::placeCapsules(const JointVector& q) const {
+std::vector<Segment> CollisionChecker::Scene::placeCapsules(const JointVector& q) const {
     std::vector<Eigen::Isometry3d> frames;
     for (int j = 0; j < robot.size(); ++j) {
         const int parent = robot.joints[static_cast<std::size_t>(j)].parent;
@@ -202,7 +202,7 @@ std::vector<Segment> CollisionJudge::Scene::placeCapsules(const JointVector& q) 
 }
 
 /** Of a segment; `cutoff` or more when it is not below that. */
-double CollisionJudge::Scene::calcSolidDistance(std::size_t index, const Segment& segment, double cutoff) const {
+double CollisionChecker::Scene::calcSolidDistance(std::size_t index, const Segment& segment, double cutoff) const {
     const Solid& solid = environment.solids[index];
     const double around =
         solid.kind == Solid::Kind::Box ? 0.5 * solid.size.norm() : std::hypot(solid.radius, 0.5 * solid.length);
@@ -223,7 +223,7 @@ double CollisionJudge::Scene::calcSolidDistance(std::size_t index, const Segment
     return 0.0;
 }
 
-double CollisionJudge::Scene::calcMapDistance(const Segment& segment, double cutoff) const {
+double CollisionChecker::Scene::calcMapDistance(const Segment& segment, double cutoff) const {
     const Segment local{toMap * segment.a, toMap * segment.b};
     const Eigen::AlignedBox3d box = boxAround(local);
     double best = cutoff;
@@ -241,8 +241,8 @@ double CollisionJudge::Scene::calcMapDistance(const Segment& segment, double cut
     return best;
 }
 
-CollisionJudge::CollisionJudge(const RobotDescription& robot, const ArmGeometry& geometry,
-                               const Environment& environment)
+CollisionChecker::CollisionChecker(const RobotDescription& robot, const ArmGeometry& geometry,
+                                   const Environment& environment)
     : scene_(std::make_unique<Scene>()) {
     scene_->robot = robot;
     scene_->geometry = geometry;
@@ -251,9 +251,9 @@ CollisionJudge::CollisionJudge(const RobotDescription& robot, const ArmGeometry&
     if (environment.map) scene_->readMap();
 }
 
-CollisionJudge::~CollisionJudge() = default;
+CollisionChecker::~CollisionChecker() = default;
 
-CollisionJudge::Contact CollisionJudge::findContact(const JointVector& q, double t, double horizon) const {
+CollisionChecker::Contact CollisionChecker::findContact(const JointVector& q, double t, double horizon) const {
     const Scene& scene = *scene_;
     Contact contact;
     if (!isFinite(q, scene.robot.size())) {

@@ -1,5 +1,5 @@
 #include "Paths.h"
-#include "environment/CollisionJudge.h"
+#include "environment/CollisionChecker.h"
 
 #include <chrono>
 #include <cmath>
@@ -71,8 +71,8 @@ struct Stick {
         capsule.radius = radius;
         geometry.capsules = {capsule};
     }
-    CollisionJudge::Contact judge(const Environment& environment, double horizon = 1.0, double t = 0.0) const {
-        return CollisionJudge(robot, geometry, environment).findContact(JointVector::Zero(1), t, horizon);
+    CollisionChecker::Contact check(const Environment& environment, double horizon = 1.0, double t = 0.0) const {
+        return CollisionChecker(robot, geometry, environment).findContact(JointVector::Zero(1), t, horizon);
     }
     RobotDescription robot;
     ArmGeometry geometry;
@@ -94,7 +94,7 @@ double calcPointDistance(const Solid& solid, const Eigen::Vector3d& p) {
     return 0.0;
 }
 
-TEST(CollisionJudge, DistancesFromSolidsAreExact) {
+TEST(CollisionChecker, DistancesFromSolidsAreExact) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> place(-0.6, 0.6), size(0.02, 0.5);
     const auto draw = [&] { return Eigen::Vector3d(place(random), place(random), place(random)); };
@@ -117,7 +117,7 @@ TEST(CollisionJudge, DistancesFromSolidsAreExact) {
                 trial % 8 == 0 ? Eigen::Vector3d(a + 0.3 * Eigen::Vector3d::Unit(trial / 8 % 3)) : draw();
             const double radius = 0.05;
             const double truth = findLeast([&](double s) { return calcPointDistance(solid, a + s * (b - a)); });
-            const CollisionJudge::Contact found = Stick(a, b, radius).judge(environment);
+            const CollisionChecker::Contact found = Stick(a, b, radius).check(environment);
             if (truth - radius >= 1.0) {
                 EXPECT_EQ(found.link, -1);
                 EXPECT_EQ(found.distance, 1.0);
@@ -136,7 +136,7 @@ TEST(CollisionJudge, DistancesFromSolidsAreExact) {
     }
 }
 
-TEST(CollisionJudge, PairsOfCapsulesAreExact) {
+TEST(CollisionChecker, PairsOfCapsulesAreExact) {
     std::mt19937 random(2);
     std::uniform_real_distribution<double> place(-0.5, 0.5);
     const auto draw = [&] { return Eigen::Vector3d(place(random), place(random), place(random)); };
@@ -159,7 +159,7 @@ TEST(CollisionJudge, PairsOfCapsulesAreExact) {
             const Eigen::Vector3d p = first.a + s * along;
             return findLeast([&](double t) { return (p - other.a - t * (other.b - other.a)).norm(); });
         });
-        const CollisionJudge::Contact found = stick.judge({});
+        const CollisionChecker::Contact found = stick.check({});
         ASSERT_NEAR(found.distance, std::min(1.0, truth - 0.06), 1e-8) << trial;
         ASSERT_EQ(found.obstacle, -1);
         ASSERT_EQ(found.link, truth - 0.06 < 1.0 ? 0 : -1);
@@ -167,7 +167,7 @@ TEST(CollisionJudge, PairsOfCapsulesAreExact) {
     }
 }
 
-TEST(CollisionJudge, LinksStandWhereTheModelHasThem) {
+TEST(CollisionChecker, LinksStandWhereTheModelHasThem) {
     for (const char* name : {"indy7", "ur5e"}) {
         Arm arm(name);
         arm.geometry.pairs.clear();
@@ -188,36 +188,36 @@ TEST(CollisionJudge, LinksStandWhereTheModelHasThem) {
             environment.solids[0].radius = 0.1;
             environment.solids[0].pose.translation() =
                 tool.position + tool.orientation * Eigen::Vector3d(0.3, 0.0, 0.0);
-            const auto found = CollisionJudge(arm.robot, point, environment).findContact(q, 0.0, 1.0);
+            const auto found = CollisionChecker(arm.robot, point, environment).findContact(q, 0.0, 1.0);
             EXPECT_NEAR(found.distance, 0.3 - 0.1 - 0.04, 1e-9) << name;
         }
     }
 }
 
-TEST(CollisionJudge, PrismaticJointsShift) {
+TEST(CollisionChecker, PrismaticJointsShift) {
     Stick stick({0, 0, 0}, {0, 0, 0.1}, 0.02);
     stick.robot.joints[0].type = JointType::Prismatic;
     Environment environment;
     environment.solids.resize(1);
     environment.solids[0].kind = Solid::Kind::HalfSpace;
-    const CollisionJudge judge(stick.robot, stick.geometry, environment);
-    EXPECT_NEAR(judge.findContact(JointVector::Constant(1, 0.5), 0.0, 1.0).distance, 0.48, 1e-12);
+    const CollisionChecker checker(stick.robot, stick.geometry, environment);
+    EXPECT_NEAR(checker.findContact(JointVector::Constant(1, 0.5), 0.0, 1.0).distance, 0.48, 1e-12);
 }
 
-TEST(CollisionJudge, WhatTheBaseCarriesHitsNoObstacle) {
+TEST(CollisionChecker, WhatTheBaseCarriesHitsNoObstacle) {
     Stick stick({0, 0, 0}, {0, 0, 0.1}, 0.02);
     stick.geometry.capsules[0].carrier = -1;
     Environment environment;
     environment.solids.resize(1);
     environment.solids[0].kind = Solid::Kind::HalfSpace;
-    EXPECT_EQ(stick.judge(environment).link, -1);
+    EXPECT_EQ(stick.check(environment).link, -1);
 }
 
 // What is too far to count changes nothing, not even by rounding: neither the distance nor who is nearest.
-TEST(CollisionJudge, WhatIsFarIsNeverTheNearest) {
+TEST(CollisionChecker, WhatIsFarIsNeverTheNearest) {
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     const ArmGeometry geometry = loadArmGeometry(robot);
-    const CollisionJudge alone(robot, geometry, Environment{});
+    const CollisionChecker alone(robot, geometry, Environment{});
     Environment environment;
     for (const Solid::Kind kind :
          {Solid::Kind::Box, Solid::Kind::Sphere, Solid::Kind::Cylinder, Solid::Kind::HalfSpace}) {
@@ -229,37 +229,38 @@ TEST(CollisionJudge, WhatIsFarIsNeverTheNearest) {
         solid.pose.translation() << 0.0, 0.0, -9.0;
         environment.solids.push_back(solid);
     }
-    const CollisionJudge judge(robot, geometry, environment);
+    const CollisionChecker checker(robot, geometry, environment);
     std::mt19937 random(4);
     std::uniform_real_distribution<double> angle(-2.0, 2.0);
     for (int trial = 0; trial < 500; ++trial) {
         JointVector q(robot.size());
         for (double& x : q) x = angle(random);
-        const CollisionJudge::Contact with = judge.findContact(q, 0.0, 0.5), without = alone.findContact(q, 0.0, 0.5);
+        const CollisionChecker::Contact with = checker.findContact(q, 0.0, 0.5),
+                                        without = alone.findContact(q, 0.0, 0.5);
         ASSERT_EQ(with.distance, without.distance);
         ASSERT_EQ(with.obstacle, without.obstacle);
         ASSERT_EQ(with.otherLink, without.otherLink);
     }
 }
 
-TEST(CollisionJudge, MovingSpheresCountWhereTheyAre) {
+TEST(CollisionChecker, MovingSpheresCountWhereTheyAre) {
     Environment environment;
     MovingSphere sphere;
     sphere.radius = 0.1;
     sphere.waypoints = {{0.0, {1, 0, 0}}, {2.0, {-1, 0, 0}}};
     environment.spheres = {sphere};
     const Stick stick({0, -0.1, 0}, {0, 0.1, 0}, 0.05);
-    EXPECT_NEAR(stick.judge(environment, 1.0, 0.5).distance, 0.35, 1e-12);
-    EXPECT_NEAR(stick.judge(environment, 1.0, 1.0).distance, -0.15, 1e-12);
-    EXPECT_NEAR(stick.judge(environment, 1.0, 1.5).distance, 0.35, 1e-12);
-    EXPECT_EQ(stick.judge(environment, 0.3, 0.5).link, -1);
-    EXPECT_EQ(stick.judge(environment, 0.3, 0.5).distance, 0.3);
+    EXPECT_NEAR(stick.check(environment, 1.0, 0.5).distance, 0.35, 1e-12);
+    EXPECT_NEAR(stick.check(environment, 1.0, 1.0).distance, -0.15, 1e-12);
+    EXPECT_NEAR(stick.check(environment, 1.0, 1.5).distance, 0.35, 1e-12);
+    EXPECT_EQ(stick.check(environment, 0.3, 0.5).link, -1);
+    EXPECT_EQ(stick.check(environment, 0.3, 0.5).distance, 0.3);
 }
 
-TEST(CollisionJudge, NoNumberIsNoPose) {
+TEST(CollisionChecker, NoNumberIsNoPose) {
     const Stick stick({0, 0, 0}, {0, 0, 0.1}, 0.02);
-    const CollisionJudge judge(stick.robot, stick.geometry, {});
-    const auto found = judge.findContact(JointVector::Constant(1, std::nan("")), 0.0, 1.0);
+    const CollisionChecker checker(stick.robot, stick.geometry, {});
+    const auto found = checker.findContact(JointVector::Constant(1, std::nan("")), 0.0, 1.0);
     EXPECT_EQ(found.distance, -std::numeric_limits<double>::infinity());
 }
 
@@ -286,7 +287,7 @@ struct MappedScene {
     Environment environment;
 };
 
-TEST(CollisionJudge, Fault58_CellsOfTheMapAreExactAndUnknownOnesCountWhenAsked) {
+TEST(CollisionChecker, Fault58_CellsOfTheMapAreExactAndUnknownOnesCountWhenAsked) {
     for (const UnknownSpace unknown : {UnknownSpace::Free, UnknownSpace::Occupied}) {
         const MappedScene scene(unknown);
         const OccupancyMap map(*scene.environment.map);
@@ -309,7 +310,7 @@ TEST(CollisionJudge, Fault58_CellsOfTheMapAreExactAndUnknownOnesCountWhenAsked) 
                 if (calcPointDistance(cell, a) - (b - a).norm() > truth) continue;
                 truth = std::min(truth, findLeast([&](double s) { return calcPointDistance(cell, a + s * (b - a)); }));
             }
-            const CollisionJudge::Contact found = Stick(a, b, 0.03).judge(scene.environment);
+            const CollisionChecker::Contact found = Stick(a, b, 0.03).check(scene.environment);
             EXPECT_EQ(found.obstacle, 0);
             if (truth > 1e-7) {
                 ++apart;
@@ -322,7 +323,7 @@ TEST(CollisionJudge, Fault58_CellsOfTheMapAreExactAndUnknownOnesCountWhenAsked) 
     }
 }
 
-TEST(CollisionJudge, CellsFarFromTheBaseAreFoundAsWell) {
+TEST(CollisionChecker, CellsFarFromTheBaseAreFoundAsWell) {
     // A prismatic joint without limits, farther out than the cells that are kept at hand.
     const MappedScene scene(UnknownSpace::Free);
     Stick near({0, 0, 0}, {0, 0, 0.2}, 0.03);
@@ -330,12 +331,12 @@ TEST(CollisionJudge, CellsFarFromTheBaseAreFoundAsWell) {
     far.robot.joints[0].type = JointType::Prismatic;
     Environment moved = scene.environment;
     moved.map->pose.translation().z() += 100.0;
-    const CollisionJudge judge(far.robot, far.geometry, moved);
-    EXPECT_NEAR(judge.findContact(JointVector::Constant(1, 100.0), 0.0, 0.5).distance,
-                near.judge(scene.environment, 0.5).distance, 1e-9);
+    const CollisionChecker checker(far.robot, far.geometry, moved);
+    EXPECT_NEAR(checker.findContact(JointVector::Constant(1, 100.0), 0.0, 0.5).distance,
+                near.check(scene.environment, 0.5).distance, 1e-9);
 }
 
-TEST(CollisionJudge, IsFastEnoughForEveryTickOfARun) {
+TEST(CollisionChecker, IsFastEnoughForEveryTickOfARun) {
     Arm arm("indy7");
     const MappedScene scene(UnknownSpace::Free);
     Environment environment = scene.environment;
@@ -356,11 +357,11 @@ TEST(CollisionJudge, IsFastEnoughForEveryTickOfARun) {
             environment.map.reset();
         else
             environment.map = scene.environment.map;
-        const CollisionJudge judge(arm.robot, arm.geometry, environment);
+        const CollisionChecker checker(arm.robot, arm.geometry, environment);
         constexpr int kPoses = 2000;
         double sum = 0.0;
         const auto begin = std::chrono::steady_clock::now();
-        for (int i = 0; i < kPoses; ++i) sum += judge.findContact(arm.draw(random), 0.0, 0.1).distance;
+        for (int i = 0; i < kPoses; ++i) sum += checker.findContact(arm.draw(random), 0.0, 0.1).distance;
         const double each_us =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() * 1e6 / kPoses;
         std::printf("%.1f us for a pose, ten solids%s\n", each_us, withMap ? " and a map" : "");

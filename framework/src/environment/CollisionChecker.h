@@ -15,14 +15,14 @@ its cells are found (its tests ask all cells, one after the other). Slower, and 
 A capsule's distance from a convex solid is the least signed distance along its segment, a convex function of one
 variable, less its radius; it is found by cutting planes to kAccuracy_m. Where they meet the distance is negative: how
 deep the segment lies in the solid plus the radius. Any number of threads. */
-class CollisionJudge {
+class CollisionChecker {
 public:
     /** Reads the map file, if there is one. Throws Error (BadInput). All arguments are copied. */
-    CollisionJudge(const RobotDescription& robot, const ArmGeometry& geometry, const Environment& environment);
-    ~CollisionJudge();
+    CollisionChecker(const RobotDescription& robot, const ArmGeometry& geometry, const Environment& environment);
+    ~CollisionChecker();
 
-    CollisionJudge(const CollisionJudge&) = delete;
-    CollisionJudge& operator=(const CollisionJudge&) = delete;
+    CollisionChecker(const CollisionChecker&) = delete;
+    CollisionChecker& operator=(const CollisionChecker&) = delete;
 
     static constexpr double kAccuracy_m = 1e-9;
     static constexpr double kMostHorizon_m = 1.0;
