@@ -72,7 +72,7 @@ void checkTick(const char* guard, double tick_s) {
 
 /** The robot's own limits, or those of the options; checked. */
 const JointLimits& checkGuardLimits(const char* guard, const RobotDescription& robot, double tick_s,
-                              const std::optional<JointLimits>& own) {
+                                    const std::optional<JointLimits>& own) {
     const JointLimits& limits = own ? *own : robot.limits;
     const std::string place =
         std::string(guard) + ": " + (own ? std::string(guard) + "Options" : "RobotDescription") + "::limits";
