@@ -29,7 +29,9 @@ std::int64_t toInt64(double bound) {
 namespace detail {
 
 std::string writeSetting(double value) {
-    return std::isinf(value) ? (value > 0.0 ? ".inf" : "-.inf") : formatNumber(value);
+    if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
+    const std::string plain = format("%.15g", value);  // 0.0001, where the shortest form is 1e-04
+    return std::stod(plain) == value ? plain : formatNumber(value);
 }
 
 std::string writeSetting(const std::vector<double>& value) {

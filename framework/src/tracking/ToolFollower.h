@@ -22,20 +22,17 @@ struct ToolFollowerOptions {
             .above(0)
             .upTo(1);
         v(velocityFilter_s, "velocity_filter_s", "s",
-          "Time constant in which the reference's velocity is smoothed before it is followed; infinite: the reference "
-          "counts as "
-          "resting; 0: from each joint's limits, as far as it could follow.")
+          "Time constant in which the reference's velocity is smoothed before it is followed. Infinite: the reference "
+          "counts as resting. 0: from each joint's limits, as far as it could follow.")
             .atLeast(0)
             .orInfinite();
         v(reference.restRate, "rest_rate", "1/s",
-          "How fast joints that the tool leaves free go to the middle of their limits, or, without limits, to where "
-          "they "
-          "started, once the tool is where it is commanded; behind a hand that moves they wait.")
+          "How fast joints that the tool leaves free go to the middle of their limits, once the tool is where it is "
+          "commanded. Without limits they go to where they started. Behind a hand that moves they wait.")
             .atLeast(0);
         v(reference.apart_m, "apart_m", "m",
           "Joints that the tool leaves free lead the arm away from obstacles and from itself where it is nearer than "
-          "this; 0, "
-          "or with keeps_clear: false: they do not.")
+          "this. 0, or with keeps_clear: false: they do not.")
             .atLeast(0);
     }
 };

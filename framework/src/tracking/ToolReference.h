@@ -5,6 +5,7 @@
 #include "viable/core/JointLimits.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/qp/BoxQp.h"
+#include "viable/robot/ArmGeometry.h"
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
 

@@ -63,9 +63,8 @@ struct LinkPlantOptions {
             .orInfinite();
         v(restVelocity, "rest_velocity_radps", "rad/s", "Joints that are slower in the mean rest.").above(0);
         v(torqueShare, "rest_torque_share", "",
-          "The measured torque of the resting arm may differ from the model's by this share of the largest gravity "
-          "torque, "
-          "and by 1.5 times the Coulomb friction; .inf: it is not looked at.")
+          "Largest difference of the resting arm's measured torque from the model's: this share of the largest gravity "
+          "torque, and 1.5 times the Coulomb friction. Infinite: it is not checked.")
             .above(0)
             .orInfinite();
     }

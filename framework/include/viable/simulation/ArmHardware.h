@@ -24,7 +24,7 @@ public:
     std::int64_t end = 0;
 };
 
-/** What goes wrong with one position reading. */
+/** A fault of one position reading. */
 enum class SensorFault : unsigned char { None, Stuck, Bias, Sign, Spike, Swap, Wrap, Nan };
 
 struct JointSensorOptions {
@@ -180,11 +180,11 @@ struct ArmHardwareOptions {
     }
 };
 
-/** What a simulated arm has around its rigid bodies, the same for every engine: motors, friction figures, pushes, a
-joint that blocks, sensors; and the description of the arm that is really there (masses, payload, base). A plant describes
-ArmHardwareOptions among its own and asks, in this order: once configure() and reset(); per
-tick
-calcApplied(), per sub-step calcMotorTorque() and friction(), then endTick() where the tick succeeded.
+/** The parts of a simulated arm around its rigid bodies, the same for every engine: motors, friction figures, pushes, a
+joint that blocks, sensors. It also describes the arm that is really there: masses, payload, base.
+
+A plant describes ArmHardwareOptions among its own. It calls configure() and reset() once. In each tick it calls
+calcApplied(), in each sub-step calcMotorTorque() and friction(). A tick that succeeded ends with endTick().
 
 Motors: the command of `delay_ticks` ticks ago (before the first arrives: the first), cut at the limit. Then ripple is
 added, A sin(p q), p periods per joint turn (prismatic: per metre).
