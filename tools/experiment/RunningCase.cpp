@@ -234,7 +234,7 @@ void RunningCase::count() {
 }
 
 CaseResult RunningCase::finish(bool isAlone) {
-    loop_->letGoOfPlant();  // a robot must not wait for the rest
+    loop_->releasePlant();  // a robot must not wait for the rest
     const double grown_MB = readMemory_MB() - memory_MB_;
     result_.summary.addEnd(loop_->nominal(), loop_->time());
     for (detail::LimitCounter& counter : counters_) {

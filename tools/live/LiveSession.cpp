@@ -296,7 +296,7 @@ void LiveSession::work() {
     }
     hasEntered_.store(true, std::memory_order_release);
     if (!failure_) makeTicks();
-    running_.loop().letGoOfPlant();  // now: a robot that hears nothing for long takes it for a fault
+    running_.loop().releasePlant();  // now: a robot that hears nothing for long takes it for a fault
     const ControlLoop& loop = running_.loop();
     const bool hasBraked = state_ == LiveState::Stopping && loop.stopReason() == StopReason::Requested &&
                            loop.hasStopped() && !loop.hasFailed();

@@ -137,7 +137,7 @@ void ControlLoop::moveToReal(MotionState& start) const {
     start.qdd.setZero(n_);
 }
 
-void ControlLoop::letGoOfPlant() noexcept {
+void ControlLoop::releasePlant() noexcept {
     const PluginCall call(loop_.findWatch(PluginKind::RealPlant), kAfterLastTick);
     plugins_.realPlant.reset();
 }
@@ -146,7 +146,7 @@ void ControlLoop::readPlant() {
     readState();
     if (options_.feedsExternalTorque) readExternalTorque();
     const std::int64_t elapsedTicks = ticksSinceReading_;
-    judgeReading();  // a jump says more than that the error is large
+    checkReading();  // a jump says more than that the error is large
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -201,7 +201,7 @@ void ControlLoop::checkTracking() {
     if (isTrackingLost_) {
         for (int i = 0; i < n_; ++i) replaceStillReading(i);
         const JointVector error = plausible_.q - nominal().q;
-        if (detail::findFarthestBeyond(error, detail::FollowingWatch::kRunaway * lostError_) >= 0) leaveToRobot();
+        if (detail::findFarthestBeyond(error, detail::FollowingWatch::kRunaway * lostError_) >= 0) releaseToRobot();
         return;
     }
     watchNominal();
@@ -237,7 +237,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
         if (!following_.runsAway(plausible_, nominal())) return;
         if (drifts_) endRobustLoop(false);
-        leaveToRobot();
+        releaseToRobot();
         return;
     }
     const detail::FollowingWatch::Finding found =
@@ -284,7 +284,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
                     : found.cause == Cause::Weakness   ? kOnWeakness
                                                        : kOnDrift);
     holdIntegral();
-    if (drifts_) leaveToRobot();
+    if (drifts_) releaseToRobot();
 }
 
 /** Beyond the limits that it is for the bound says nothing, and a trip nothing of the disturbances. */
@@ -298,7 +298,7 @@ void ControlLoop::watchNominal() {
 }
 
 /** A robot that does not take torques for what they are goes on though it is told to brake: its own stop is better. */
-void ControlLoop::leaveToRobot() {
+void ControlLoop::releaseToRobot() {
     if (hasClock_) loop_.end();
 }
 
@@ -312,7 +312,7 @@ void ControlLoop::holdIntegral() {
 }
 
 /** A joint's reading that no motion explains is not taken as plausible, nor is any after it; the other joints keep theirs. */
-void ControlLoop::judgeReading() {
+void ControlLoop::checkReading() {
     // The first reading may be anywhere: there is none before it.
     const bool judges = options_.judgesReadings && hasReading_ && !hasFailed();
     hasReading_ = true;

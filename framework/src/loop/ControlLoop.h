@@ -88,7 +88,7 @@ public:
     bool isHolding() const { return nominalArm_.isHolding(); }
 
     /** Destroys the plant, which lets a robot hold itself; no tick may follow. */
-    void letGoOfPlant() noexcept;
+    void releasePlant() noexcept;
 
     bool isStopping() const { return loop_.isStopping(); }
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
@@ -118,13 +118,13 @@ private:
     void readPlant();
     void readState();
     void readExternalTorque();
-    void judgeReading();
+    void checkReading();
     bool replaceStillReading(int joint);
     void checkTracking();
     void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
     void holdIntegral();
-    void leaveToRobot();
+    void releaseToRobot();
     void calcMotorTorque();
     bool askRobustLoop();
     void endRobustLoop(bool isAsked);
