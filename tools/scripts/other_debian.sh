@@ -2,7 +2,7 @@
 # The two commands of the README on another Debian: makes a root folder of it, copies the sources into it as they are in the
 # working tree, and runs tools/run.sh and tools/test.sh there. Usage, as root:
 #   tools/scripts/other_debian.sh RELEASE [--root FOLDER] [arguments of tools/test.sh]
-# RELEASE: trixie, bookworm. FOLDER: build/roots/RELEASE by default; 6 GB, used again the next time with all that is built there.
+# RELEASE: trixie, bookworm. FOLDER: build/roots/RELEASE by default; some GB, used again the next time with all that is built there.
 # Archive, proxy and certificates are those that apt has here. debootstrap must be installed.
 set -euo pipefail
 fail() {
@@ -20,18 +20,19 @@ if [ -z "${VIABLE_OTHER_DEBIAN:-}" ]; then
 fi
 unset VIABLE_OTHER_DEBIAN
 shift
-cd "$(dirname "$0")/../.."
-root=$PWD/build/roots/$release
+project=$(realpath "$(dirname "$0")/../..")
+root=$project/build/roots/$release
 if [ "${1:-}" = --root ]; then
   root=$(realpath -m "${2:?other_debian: --root takes a folder}")
   shift 2
 fi
+cd "$project"
 
 if [ ! -e "$root" ]; then
   eval "$(apt-config shell proxy Acquire::http::Proxy)"
-  archive=$(apt-get indextargets --format '$(RELEASE) $(REPO_URI)' 'Created-By: Packages' |
-    awk '$1 !~ /-|\// && !found { print $2; found = 1 }')
-  [ -n "$archive" ] || fail "apt has no archive of a Debian release in its sources"
+  archive=$(apt-get indextargets --format '$(RELEASE) $(COMPONENT) $(REPO_URI)' 'Created-By: Packages' |
+    awk '$1 !~ /-|\// && $2 == "main" && $3 ~ /\/debian\/?$/ && !found { print $3; found = 1 }')
+  [ -n "$archive" ] || fail "apt has no archive of a Debian release in its sources (.../debian, main)"
   echo "other_debian: making $root from $archive"
   mkdir -p "$(dirname "$root")"
   rm -rf "$root.part"  # of a try that was ended
@@ -43,7 +44,7 @@ apt-config dump | grep -E '^Acquire::(https?|Check)' >"$root/etc/apt/apt.conf.d/
 for file in /etc/resolv.conf /etc/hosts; do
   [ ! -e "$file" ] || cp --dereference "$file" "$root$file"
 done
-cp -r /usr/local/share/ca-certificates "$root/usr/local/share"
+[ ! -d /usr/local/share/ca-certificates ] || cp -r /usr/local/share/ca-certificates "$root/usr/local/share"
 chroot "$root" update-ca-certificates >/dev/null 2>&1
 
 echo "other_debian: copying the sources to $root/viable"
