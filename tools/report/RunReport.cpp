@@ -126,8 +126,9 @@ public:
     void add(double us, double tick_us) {
         if (!(us > 0.0)) return;
         times_.add_us(us);
-        late_ += us >= tick_us;
+        countLate(us, tick_us);
     }
+    void countLate(double us, double tick_us) { late_ += us >= tick_us; }
     json describe() const {
         json edges = json::array(), counts = json::array();
         times_.visitCoarseBuckets([&](std::int64_t lower_ns, std::int64_t upper_ns, std::int64_t count) {
@@ -216,8 +217,12 @@ public:
         status_.add({toCode(r.status)});
         addPose(nominal_, r.nominal.q);
         if (hasRealArm_) addPose(real_, r.real.q);
-        times_.add(r.compute_us, 1e6 * tick_s_);
-        if (r.interval_us > 0.0) jitter_.add(std::abs(r.interval_us - 1e6 * tick_s_), 1e6 * tick_s_);
+        // How long a tick is only the second row tells: whether the first one was late, too.
+        const double tick_us = rows_ > 0 ? 1e6 * tick_s_ : std::numeric_limits<double>::infinity();
+        if (rows_ == 0) firstCompute_us_ = r.compute_us;
+        if (rows_ == 1) times_.countLate(firstCompute_us_, tick_us);
+        times_.add(r.compute_us, tick_us);
+        if (r.interval_us > 0.0) jitter_.add(std::abs(r.interval_us - 1e6 * tick_s_), tick_us);
         ++rows_;
     }
 
@@ -343,7 +348,7 @@ private:
     std::int64_t take_ = 0;  // of the last row
     JointVector lastVelocity_;
     std::int64_t rows_ = 0;
-    double firstTime_s_ = 0.0, tick_s_ = 0.0;
+    double firstTime_s_ = 0.0, firstCompute_us_ = 0.0, tick_s_ = 0.0;
 };
 
 /** A.part2.mcap and so on, of a log in several files (LogSeries): shown is the first one. */

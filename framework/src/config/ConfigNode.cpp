@@ -261,10 +261,10 @@ void ConfigMap::finish() const {
         const auto withUnit = std::find_if(known_.begin(), known_.end(), [&key = key](const std::string& known) {
             return known.compare(0, key.size() + 1, key + "_") == 0;  // too many letters for a slip
         });
-        if (const std::string closest = findClosestName(key, known_); !closest.empty())
-            remedy = "Did you mean `" + closest + "`?";
-        else if (withUnit != known_.end())
-            remedy = "Did you mean `" + *withUnit + "`? A key carries its unit.";
+        std::string meant = findClosestName(key, known_);
+        if (meant.empty() && withUnit != known_.end()) meant = *withUnit;
+        if (!meant.empty()) remedy = "Did you mean `" + meant + "`?";
+        if (withUnit != known_.end() && meant == *withUnit) remedy += " A key carries its unit.";
         if (complaints.isEmpty() && !known_.empty())  // once is enough
             remedy += (remedy.empty() ? "" : " ") + ("Known keys: `" + detail::join(known_, "`, `") + "`");
         complaints.add(value.place(), "the key " + quoteText(key) + " is unknown", remedy);

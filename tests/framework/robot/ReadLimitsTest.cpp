@@ -25,7 +25,7 @@ struct Limits {
 };
 
 JointLimits read(const std::string& text, bool* allowLargeAngles = nullptr) {
-    Limits settings{makeBase()};
+    Limits settings{makeBase(), allowLargeAngles && *allowLargeAngles};
     readSettings(parseConfig(text, "file.yaml"), settings, 3);
     if (allowLargeAngles) *allowLargeAngles = settings.allowsLargeAngles;
     return settings.limits;

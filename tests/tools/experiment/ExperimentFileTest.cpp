@@ -151,11 +151,12 @@ cases:
   C: a
 )");
     for (const char* part :
-         {"test.yaml: 16 things are wrong:\n", "durations_s: the key",
-          "limits.velocity_radps[0]:", "limits.jerk_radps3:", "start.position:", "start.velocity_radps:",
-          "obstacles.a.box:", "obstacles.b.spher:", "people.ann.max_speed_mps:", "command.plugin:",
-          "controller.stifness:", "controller.damping:", "cases.A.filter.gamma:", "cases.A.filter.k_alpha:",
-          "cases.B.filter[0].plugin:", "cases.B.filter[2]:", "cases.C: a case must be a map"}) {
+         {"test.yaml: 18 things are wrong:\n", "durations_s: the key", "limits.velocity_radps[0]:",
+          "limits.jerk_radps3:", "start.position:", "start.velocity_radps:", "obstacles.a.box:", "obstacles.b.spher:",
+          "people.ann.max_speed_mps:", "people.ann: the key `capsules` is missing",
+          "people.ann: the key `walk` is missing", "command.plugin:", "controller.stifness:", "controller.damping:",
+          "cases.A.filter.gamma:", "cases.A.filter.k_alpha:", "cases.B.filter[0].plugin:", "cases.B.filter[2]:",
+          "cases.C: a case must be a map"}) {
         const std::size_t at = error.find(part);
         EXPECT_NE(at, std::string::npos) << part << " in " << error;
         EXPECT_EQ(error.find(part, at + 1), std::string::npos) << part << " twice in " << error;
