@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <utility>
 
 #include "core/Text.h"
@@ -267,8 +268,10 @@ void addLimits(const ConfiguredCase& configured, CaseForecast& forecast) {
         const LimitRow& row = getLimitRow(kind);
         detail::addItem(forecast.limits, row.label + (guarantees.has(kind) ? " guaranteed" : " not guaranteed"));
         if (row.watchesPeople) forecast.keepsApart &= guarantees.has(kind);
-        if (row.isSlow) continue;  // addClearances() looks at the one that is
-        const LimitSample start = row.make(scene)->sample({plan.start.q, plan.start.qd, 0.0, false, kInfinity});
+        if (row.isSlow) continue;                                 // addClearances() looks at the one that is
+        const std::unique_ptr<ArmLimit> limit = row.make(scene);  // the names in its sample live as long as it
+        const double none = row.lessIsWorse ? kInfinity : 0.0;
+        const LimitSample start = limit->sample({plan.start.q, plan.start.qd, 0.0, false, none});
         if (!start.isBroken) continue;
         ArmLimitRecord record;
         record.worst = start.value;

@@ -202,6 +202,14 @@ struct LogReader::Impl {
         return false;
     }
 
+    /** A kind that finds no room here stays unknown, and its channel is skipped like all that is unknown. */
+    static void learnKind(const std::string& kind, const std::string& unit) {
+        try {
+            addLimit(kind, unit, {});
+        } catch (const Error&) {
+        }
+    }
+
     void readMetadata(std::map<std::string, std::string> entries) {
         metadata = std::move(entries);
         const auto kinds = metadata.find(kLimitKindsKey);
@@ -209,7 +217,7 @@ struct LogReader::Impl {
         const nlohmann::json units = nlohmann::json::parse(kinds->second, nullptr, false);
         if (!units.is_object()) return;
         for (const auto& [kind, unit] : units.items())
-            if (unit.is_string()) addLimit(kind, unit.get<std::string>(), {});
+            if (unit.is_string()) learnKind(kind, unit.get<std::string>());
     }
 
     void readSchema(std::string_view bytes) {

@@ -78,6 +78,7 @@ json describe(const CaseResult& r) {
     for (const char* block : {"tracking", "real_limits", "bound", "motors", "trip"}) one[block] = nullptr;
     for (const LimitKind kind : listArmLimits()) {
         one[std::string("guarantees_") + getName(kind, LimitSide::Neither)] = r.guarantees.has(kind);
+        if (getLimitRow(kind).watchesPeople) continue;  // without people the case has no such block
         json& block = one[getLimitRow(kind).block] = nullptr;
         if (r.summary.account(kind)) block["real"] = nullptr;
     }

@@ -275,7 +275,9 @@ std::string formatCommandErrors(const CaseResult& r) {
 
 /** "the nominal arm collided: link4 ...". @param pattern  of the row, with the arm as %s */
 std::string tellBroken(const LimitRow& row, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
-    return format(pattern.c_str(), arm) + row.tellWorst(record);
+    std::string text = pattern;
+    if (const std::size_t at = text.find("%s"); at != std::string::npos) text.replace(at, 2, arm);
+    return text + row.tellWorst(record);
 }
 
 /** Whether the arms kept a limit of theirs as a whole. */

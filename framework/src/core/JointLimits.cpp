@@ -208,6 +208,7 @@ const char* getName(LimitSide side) {
 }
 
 const char* getUnit(LimitKind kind, bool slides) {
+    if (static_cast<int>(kind) >= countLimitKinds()) return "";
     const KindNames& names = getKinds().rows[static_cast<std::size_t>(kind)];
     return (slides ? names.slidingUnit : names.unit).c_str();
 }

@@ -78,9 +78,10 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         const bool passed = answer == FilterStatus::Passed;
         if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
         if (passed && i > 0) {
-            candidate_.joints = decision.joints;            // what held the joints back is what did before
+            candidate_.joints = decision.joints;  // what held the joints back is what did before
+            const bool seesPeople = candidate_.reports[LimitKind::Separation].isKnown;
             candidate_.reports.complete(decision.reports);  // and so is what was seen of the same motion
-            if (candidate_.peopleFaults.last < 0) candidate_.peopleFaults = decision.peopleFaults;
+            if (!seesPeople) candidate_.peopleFaults = decision.peopleFaults;
         }
         if (!passed)
             status = answer;

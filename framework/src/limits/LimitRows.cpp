@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "core/Text.h"
+#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -92,6 +93,8 @@ struct RowTable {
     }
     void set(LimitKind kind, LimitRow row) { at(kind) = new LimitRow(complete(std::move(row), kind)); }
     std::atomic<const LimitRow*>& at(LimitKind kind) {
+        VIABLE_CHECK(kind >= kFirstArmLimit && static_cast<int>(kind) < kMostLimitKinds,
+                     "a kind of limit that is not of the whole arm has no row");
         return rows[static_cast<std::size_t>(static_cast<int>(kind) - kFirst)];
     }
 

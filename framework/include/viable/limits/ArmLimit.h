@@ -42,7 +42,9 @@ public:
 
 private:
     explicit constexpr LimitSet(std::uint32_t bits) : bits_(bits) {}
-    static constexpr std::uint32_t bit(LimitKind kind) { return std::uint32_t{1} << static_cast<int>(kind); }
+    static constexpr std::uint32_t bit(LimitKind kind) {
+        return static_cast<int>(kind) < kMostLimitKinds ? std::uint32_t{1} << static_cast<int>(kind) : 0;
+    }
 
     std::uint32_t bits_ = 0;
 };
@@ -76,11 +78,14 @@ public:
 
 private:
     static constexpr int kFirst = static_cast<int>(kFirstArmLimit);
+    static constexpr int kCount = kMostLimitKinds - kFirst;
+    /** A kind that has no report, such as one of the joints, has a place of its own behind the others. */
     static constexpr std::size_t index(LimitKind kind) {
-        return static_cast<std::size_t>(static_cast<int>(kind) - kFirst);
+        const int k = static_cast<int>(kind) - kFirst;
+        return static_cast<std::size_t>(k >= 0 && k < kCount ? k : kCount);
     }
 
-    std::array<LimitReport, kMostLimitKinds - kFirst> reports_{};
+    std::array<LimitReport, kCount + 1> reports_{};
 };
 
 /** Faults in the observations of people so far. The arm brakes for each, as far as it matters. */
