@@ -12,10 +12,11 @@ extern "C" VIABLE_PLUGIN_VISIBLE void viable_interface(
     const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*, viable::SafetyFilter*,
     viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*, viable::BrakingPolicyFilter*,
     viable::ArmHardware*, viable::SurroundingsFeed*, const viable::Surroundings*, viable::PeopleFeed*,
-    const viable::ArmGeometry*, viable::ArmLimit*, const viable::LimitRow*);
+    const viable::ArmGeometry*, viable::ArmLimit*, const viable::LimitRow*, const viable::SettingList*,
+    const viable::SettingValue*);
 
 void viable_interface(const viable::PluginLibrary*, viable::CommandSource*, viable::NominalController*,
                       viable::SafetyFilter*, viable::RobustLoop*, viable::RealPlant*, viable::JerkIntervalFilter*,
                       viable::BrakingPolicyFilter*, viable::ArmHardware*, viable::SurroundingsFeed*,
                       const viable::Surroundings*, viable::PeopleFeed*, const viable::ArmGeometry*, viable::ArmLimit*,
-                      const viable::LimitRow*) {}
+                      const viable::LimitRow*, const viable::SettingList*, const viable::SettingValue*) {}

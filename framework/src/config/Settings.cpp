@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -30,8 +31,11 @@ namespace detail {
 
 std::string writeSetting(double value) {
     if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-    const std::string plain = format("%.15g", value);  // 0.0001, where the shortest form is 1e-04
-    return std::stod(plain) == value ? plain : formatNumber(value);
+    char plain[32];  // 0.0001, where the shortest form is 1e-04
+    const char* const end = std::to_chars(plain, plain + sizeof plain, value, std::chars_format::general, 15).ptr;
+    double read = 0.0;
+    std::from_chars(plain, end, read);
+    return read == value ? std::string(plain, end) : formatNumber(value);
 }
 
 std::string writeSetting(const std::vector<double>& value) {
@@ -390,7 +394,11 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
         const ConfigNode* written = block.find(spec.name);
         const bool isMissing = !written && !spec.defaultText;
         if (isMissing && !isKnown) continue;  // the misspelt key explains it
-        if (!written && spec.defaultText && !*spec.defaultText && !isFreeText(spec.type)) continue;  // none
+        const std::string place = written ? written->place() : describePlace(block);
+        if (!written && spec.defaultText && !*spec.defaultText && !isFreeText(spec.type)) {  // none
+            parameters.places_.emplace(spec.name, place);
+            continue;
+        }
         complaints.gather([&] {
             if (isMissing) throw describeMissing(block, spec, nameWithUnit(spec));
             ConfigNode node = written ? *written : makeDefault(spec, block);
@@ -399,7 +407,7 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
                 node.text = std::get<std::filesystem::path>(value).string();
                 node.quoted = true;
             }
-            parameters.places_.emplace(spec.name, written ? written->place() : describePlace(block));
+            parameters.places_.emplace(spec.name, place);
             resolved.entries.emplace_back(spec.name, node);
         });
     }

@@ -15,7 +15,7 @@ namespace viable {
 
 Method: all datagrams that have arrived are looked at in each tick; the newest good one is the target, and the program is
 answered what became of each. Between targets the command is what CommandReceiver makes of them. One program at a time: another
-one is refused until this one has said close, or has been silent for kSilent_s. A rehearsal opens the socket, so that another
+one is refused until this one has said goodbye, or has been silent for kSilent_s. A rehearsal opens the socket, so that another
 listener is told of in time; programs learn of it at the start of the run.
 Guarantees: finite commands, whatever arrives. Without fresh targets the command rests at the last one. Limits are kept by
 the filter, not here.

@@ -37,12 +37,12 @@ struct CertifiedBrakingOptions {
         v(gamma, "gamma", "1/s", "How fast the acceleration follows the desired one; gamma * tick_s must stay below 2.")
             .above(0);
         v(objective, "objective", "torque|tool|joint|path",
-          "What is kept small of the change: torque (13), the tool's jerk, or the joints' jerks. With path, all joints are "
+          "What is kept small of the change: torque (13), the tool's jerk, or the joints' jerks. With path, all joints "
+          "are "
           "held back alike on the way to the desired jerks: one joint pressed against its limit then holds all.");
         v(recovery, "recovery",
-          "Accept a start outside the limits, one that must leave them, or one too near to something, and return "
-          "within the "
-          "limits.");
+          "Accept a start outside the limits, one that must leave them, or, before obstacles, one too near, and "
+          "return within the limits.");
     }
 };
 

@@ -8,6 +8,7 @@
 
 #include "viable/braking/DesiredJerk.h"
 #include "viable/config/Settings.h"
+#include "viable/limits/ArmLimit.h"
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
@@ -138,10 +139,12 @@ inline AbiStamp makeAbiStamp() {
 #endif
     s.sanitizer = VIABLE_SANITIZER_ADDRESS | VIABLE_SANITIZER_THREAD;
     constexpr std::uint32_t layout =
-        hashLayout<ParameterSpec, Parameters, ConfigNode, JointVector, JointMatrix, JointState, MotionState, Pose,
-                   JointLimits, RobotDescription, RunSetup, Dynamics, Tick, MotionCommand, ControllerInput,
-                   ControllerOutput, FilterInput, FilterDecision, HeldMotion, LinearErrorLoop, CommandSource,
-                   NominalController, SafetyFilter, RobustLoop, RealPlant, GridStop, BoxQp, DesiredJerk>();
+        hashLayout<ParameterSpec, Parameters, SettingList, SettingValue, LimitRow, ArmLimit, FilterTraits, PlantTraits,
+                   RobustTraits, ControllerTraits, CommandTraits, ConfigNode, JointVector, JointMatrix, JointState,
+                   MotionState, Pose, JointLimits, RobotDescription, RunSetup, Dynamics, Tick, MotionCommand,
+                   ControllerInput, ControllerOutput, FilterInput, FilterDecision, HeldMotion, LinearErrorLoop,
+                   CommandSource, NominalController, SafetyFilter, RobustLoop, RealPlant, GridStop, BoxQp,
+                   DesiredJerk>();
     s.layout = layout;
     return s;
 }

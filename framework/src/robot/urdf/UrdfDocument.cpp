@@ -138,7 +138,7 @@ std::string describeFault(tinyxml2::XMLError fault) {
         case tinyxml2::XML_ERROR_PARSING_DECLARATION:
             return "an <?xml ...?> stands behind the first element";
         default:
-            return tinyxml2::XMLDocument::ErrorIDToName(fault);
+            return std::string("it cannot be read as XML (") + tinyxml2::XMLDocument::ErrorIDToName(fault) + ")";
     }
 }
 
