@@ -35,7 +35,7 @@ std::string writeSetting(double value) {
     const char* const end = std::to_chars(plain, plain + sizeof plain, value, std::chars_format::general, 15).ptr;
     double read = 0.0;
     std::from_chars(plain, end, read);
-    return read == value ? std::string(plain, end) : formatNumber(value);
+    return read == value ? std::string(plain, static_cast<std::size_t>(end - plain)) : formatNumber(value);
 }
 
 std::string writeSetting(const std::vector<double>& value) {

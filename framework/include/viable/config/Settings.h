@@ -210,7 +210,10 @@ private:
     template <int rows, int columns>
     static void set(Eigen::Matrix<double, rows, columns>& member, const SettingValue& value, const ParameterSpec&) {
         const auto& numbers = std::get<std::vector<double>>(value);
-        if (numbers.empty()) return member.setZero();  // `auto` of a member that is no optional
+        if (numbers.empty()) {  // `auto` of a member that is no optional
+            member.setZero();
+            return;
+        }
         for (int i = 0; i < rows * columns; ++i)
             member(i / columns, i % columns) = numbers[static_cast<std::size_t>(i)];
     }
