@@ -1,6 +1,20 @@
 #include "filter/FilterChain.h"
 
+#include "viable/limits/ArmLimit.h"
+
 namespace viable {
+
+namespace {
+
+bool looksAtPeople(const LimitReports& reports) {
+    for (int k = static_cast<int>(kFirstArmLimit); k < countLimitKinds(); ++k) {
+        const auto kind = static_cast<LimitKind>(k);
+        if (reports[kind].isKnown && getLimitRow(kind).watchesPeople) return true;
+    }
+    return false;
+}
+
+}  // namespace
 
 void FilterChain::add(PluginPtr<SafetyFilter> filter, PluginWatch* watch) {
     if (filter->traits().guarantees.hasJoints()) guaranteeing_ = static_cast<int>(links_.size());
@@ -79,9 +93,9 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
         if (passed && i > 0) {
             candidate_.joints = decision.joints;  // what held the joints back is what did before
-            const bool seesPeople = candidate_.reports[LimitKind::Separation].isKnown;
+            const bool looks = looksAtPeople(candidate_.reports);
             candidate_.reports.complete(decision.reports);  // and so is what was seen of the same motion
-            if (!seesPeople) candidate_.peopleFaults = decision.peopleFaults;
+            if (!looks) candidate_.peopleFaults = decision.peopleFaults;
         }
         if (!passed)
             status = answer;
