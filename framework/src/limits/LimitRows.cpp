@@ -2,7 +2,10 @@
 
 #include <array>
 #include <atomic>
+#include <memory>
 #include <mutex>
+#include <utility>
+#include <vector>
 
 #include "core/Text.h"
 #include "viable/core/Error.h"
@@ -91,7 +94,9 @@ struct RowTable {
         set(LimitKind::Speed, detail::makePointSpeedRow());
         set(LimitKind::Separation, detail::makeSeparationRow());
     }
-    void set(LimitKind kind, LimitRow row) { at(kind) = new LimitRow(complete(std::move(row), kind)); }
+    void set(LimitKind kind, LimitRow row) {
+        at(kind) = kept.emplace_back(std::make_unique<const LimitRow>(complete(std::move(row), kind))).get();
+    }
     std::atomic<const LimitRow*>& at(LimitKind kind) {
         VIABLE_CHECK(kind >= kFirstArmLimit && static_cast<int>(kind) < kMostLimitKinds,
                      "a kind of limit that is not of the whole arm has no row");
@@ -99,6 +104,7 @@ struct RowTable {
     }
 
     std::array<std::atomic<const LimitRow*>, kMostLimitKinds - kFirst> rows{};
+    std::vector<std::unique_ptr<const LimitRow>> kept;  ///< those that others took the place of, too
     std::mutex adding;
 };
 
