@@ -73,7 +73,7 @@ public:
         const int n = static_cast<int>(nominal.q.size());
         const bool lies = lie_ != "none" && ticks_ > afterTicks_;
         viable::JointVector jerk(n);
-        for (int i = 0; i < n; ++i) jerk[i] = brakes_ ? stops_[i].takeJerk() : calcJerk(nominal, i, lies);
+        for (int i = 0; i < n; ++i) jerk[i] = brakes_ ? stops_[i].popJerk() : calcJerk(nominal, i, lies);
         decision.holdJerk(jerk);
         expected_ = nominal;
         viable::advanceNominal(decision, tick_s_, expected_);
@@ -138,7 +138,7 @@ private:
     void follow(viable::MotionState& state) {
         viable::FilterDecision decision;
         decision.value.resize(state.q.size());
-        for (int i = 0; i < state.q.size(); ++i) decision.value[i] = stops_[i].takeJerk();
+        for (int i = 0; i < state.q.size(); ++i) decision.value[i] = stops_[i].popJerk();
         viable::advanceNominal(decision, tick_s_, state);
     }
 

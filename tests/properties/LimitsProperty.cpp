@@ -127,7 +127,7 @@ private:
         std::vector<GridStop> stops;
         for (int i = 0; i < arm.n; ++i) stops.push_back(arm.braking.stop(i));
         for (int m = 0; m < missed; ++m) {
-            for (int i = 0; i < arm.n; ++i) arm.chosen[i] = stops[i].takeJerk();
+            for (int i = 0; i < arm.n; ++i) arm.chosen[i] = stops[i].popJerk();
             for (int i = 0; i < arm.n; ++i) checkTick(i, "a limit is passed in a missed tick (relative)");
             arm.move();
         }

@@ -114,9 +114,9 @@ private:
         decision_.holdJerk(arm.chosen);
         decision_.hasStops = true;
         for (int i = 0; i < arm.n; ++i) decision_.stops[i] = arm.braking.stop(i);
-        const StopMonitor::Finding& finding = monitor_.examine(arm.state, decision_);
-        const bool isSafe = finding.verdict == StopVerdict::Safe;
-        check(finding);
+        const StopMonitor::Violation& violation = monitor_.examine(arm.state, decision_);
+        const bool isSafe = violation.verdict == StopVerdict::Safe;
+        check(violation);
         // After a change of limits, or on the way back, the stop before counts in place of a limit.
         if (isSafe && wasSafe_ && random.chance(0.02)) {
             spoil(random.integer(0, arm.n - 1), random.chance(0.5));
@@ -160,24 +160,24 @@ private:
         return false;
     }
 
-    void check(const StopMonitor::Finding& finding) {
-        ++verdicts_[static_cast<int>(finding.verdict)];
-        if (finding.verdict != StopVerdict::NoStop) return;
+    void check(const StopMonitor::Violation& violation) {
+        ++verdicts_[static_cast<int>(violation.verdict)];
+        if (violation.verdict != StopVerdict::NoStop) return;
         accused_ = true;
-        const int i = finding.joint;
+        const int i = violation.joint;
         const AxisLimits l = arm_->limits.axis(i);
         char what[512];
         RobotDescription named;
         named.joints.resize(static_cast<std::size_t>(i) + 1);
         named.joints.back().name = "the joint";
-        monitor_.describe(finding, named, what, sizeof what);
-        run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), finding.excess, i, arm_->at(i), l,
+        monitor_.describe(violation, named, what, sizeof what);
+        run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), violation.excess, i, arm_->at(i), l,
                   arm_->tick_s);
         Accusations& accusations =
-            accusations_[std::string(getName(finding.fault)) + " " +
-                         viable::getName(finding.limit, LimitSide::Neither) + "; limits: " + describe(l)];
+            accusations_[std::string(getName(violation.fault)) + " " +
+                         viable::getName(violation.limit, LimitSide::Neither) + "; limits: " + describe(l)];
         if (accusations.arms++ == 0) accusations.firstArm = run_.arm();
-        accusations.worst = std::max(accusations.worst, finding.excess);
+        accusations.worst = std::max(accusations.worst, violation.excess);
         accusations.startedAnywhere += story_->startsAnywhere;
         accusations.changed += story_->changesLimits;
         accusations.missed += story_->missesTicks;

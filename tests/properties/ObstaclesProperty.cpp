@@ -93,7 +93,7 @@ public:
     }
 
     /** One tick; what was wrong in it. */
-    Finding tick(int number) {
+    Violation tick(int number) {
         const double t = number * kTick_s;
         if (random_.chance(putsAgain_)) feed_->put(surroundings_, t);  // nothing has changed
         if (number > 0 && random_.chance(misses_)) return miss(t);
@@ -109,14 +109,14 @@ public:
         else
             return {"no decision", 1.0};
         const JointVector motors = findTorque(state_, dynamics_, decision_);
-        Finding finding = checkTorque(motors);
-        if (!finding.what) finding = checkTorqueChange(motors);
-        if (!finding.what) finding = checkTick(state_, decision_.value, t);
+        Violation violation = checkTorque(motors);
+        if (!violation.what) violation = checkTorqueChange(motors);
+        if (!violation.what) violation = checkTick(state_, decision_.value, t);
         near += least_ < environment_.safetyDistance_m + 0.02;
-        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = checkStop(t);
+        if (!violation.what && random_.integer(1, kTicksPerStop) == 1) violation = checkStop(t);
         advanceNominal(decision_, kTick_s, state_);
-        if (!finding.what) finding = checkLimits(state_, robot_.description.limits, kAllowedLimit);
-        return finding;
+        if (!violation.what) violation = checkLimits(state_, robot_.description.limits, kAllowedLimit);
+        return violation;
     }
 
     std::int64_t passed = 0, modified = 0, stopped = 0, near = 0, missed = 0;
@@ -166,44 +166,43 @@ private:
         return sphere;
     }
 
-    Finding checkPose(const JointVector& q, double t) {
+    Violation checkPose(const JointVector& q, double t) {
         const double distance = checker_->findContact(q, t, kHorizon_m).distance;
         least_ = std::min(least_, distance);
         const double missing = environment_.safetyDistance_m - distance;
-        return missing > kAllowed_m ? Finding{"nearer than the safety distance", missing} : Finding{};
+        return missing > kAllowed_m ? Violation{"nearer than the safety distance", missing} : Violation{};
     }
 
-    Finding checkTick(const MotionState& from, const JointVector& jerk, double t) {
+    Violation checkTick(const MotionState& from, const JointVector& jerk, double t) {
         least_ = kHorizon_m;
-        const Finding finding = checkPose(from.q, t);
-        if (finding.what || least_ > environment_.safetyDistance_m + kFarthestInTick_m) return finding;
+        const Violation violation = checkPose(from.q, t);
+        if (violation.what || least_ > environment_.safetyDistance_m + kFarthestInTick_m) return violation;
         for (int k = 1; k < kDensePoses; ++k) {
             const double s = kTick_s * k / kDensePoses;
             JointVector q(from.q.size());
             for (Eigen::Index i = 0; i < q.size(); ++i)
                 q[i] = advance({from.q[i], from.qd[i], from.qdd[i]}, jerk[i], s).p;
-            if (const Finding dense = checkPose(q, t + s); dense.what) return dense;
+            if (const Violation dense = checkPose(q, t + s); dense.what) return dense;
         }
         return {};
     }
 
     /** A tick in which the filter is not asked: the arm goes on along its stop. */
-    Finding miss(double t) {
+    Violation miss(double t) {
         ++missed;
         JointVector jerk(state_.q.size());
-        for (Eigen::Index i = 0; i < jerk.size(); ++i)
-            jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
+        for (Eigen::Index i = 0; i < jerk.size(); ++i) jerk[i] = decision_.stops[static_cast<std::size_t>(i)].popJerk();
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
         const std::array<GridStop, kMaxJoints> stops = decision_.stops;
         decision_.holdJerk(jerk);
         decision_.stops = stops;
         filter_.skipTicks(1);
         const JointVector motors = findTorque(state_, dynamics_, decision_);
-        Finding finding = checkTorque(motors);
-        if (!finding.what) finding = checkTorqueChange(motors);
-        if (!finding.what) finding = checkTick(state_, jerk, t);
+        Violation violation = checkTorque(motors);
+        if (!violation.what) violation = checkTorqueChange(motors);
+        if (!violation.what) violation = checkTick(state_, jerk, t);
         advanceNominal(decision_, kTick_s, state_);
-        return finding.what ? finding : checkLimits(state_, robot_.description.limits, kAllowedLimit);
+        return violation.what ? violation : checkLimits(state_, robot_.description.limits, kAllowedLimit);
     }
 
     static JointVector findTorque(const MotionState& state, const Dynamics& dynamics, const FilterDecision& decision) {
@@ -212,19 +211,19 @@ private:
         return motion.torque;
     }
 
-    Finding checkTorqueChange(const JointVector& torque) {
-        Finding finding;
+    Violation checkTorqueChange(const JointVector& torque) {
+        Violation violation;
         for (int i = 0; knowsTorque_ && i < torque.size(); ++i) {
             const double change = std::abs(torque[i] - lastTorque_[i]);
             const double most = options_.torqueRate[i] * kTick_s;
-            if (change > most * (1.0 + kAllowedTorque) + 1e-7) finding = {"torque changes too fast", change - most};
+            if (change > most * (1.0 + kAllowedTorque) + 1e-7) violation = {"torque changes too fast", change - most};
         }
         lastTorque_ = torque;
         knowsTorque_ = true;
-        return finding;
+        return violation;
     }
 
-    Finding checkTorque(const JointVector& torque) const {
+    Violation checkTorque(const JointVector& torque) const {
         for (Eigen::Index i = 0; i < torque.size(); ++i) {
             const double limit = options_.torqueShare * robot_.description.actuation.torqueLimit[i];
             if (std::abs(torque[i]) > limit * (1.0 + kAllowedTorque))
@@ -234,7 +233,7 @@ private:
     }
 
     /** The stop of this tick's decision, followed to its end. */
-    Finding checkStop(double t) {
+    Violation checkStop(double t) {
         MotionState s = state_;
         advanceNominal(decision_, kTick_s, s);
         std::array<GridStop, kMaxJoints> stops = decision_.stops;
@@ -246,13 +245,14 @@ private:
             moves = false;
             for (int i = 0; i < n; ++i) {
                 moves |= !stops[static_cast<std::size_t>(i)].atRest();
-                jerk[i] = stops[static_cast<std::size_t>(i)].takeJerk();
+                jerk[i] = stops[static_cast<std::size_t>(i)].popJerk();
             }
             Dynamics dynamics;
             robot_.model.calcDynamics(s.q, s.qd, dynamics);
             next.holdJerk(jerk);
-            if (const Finding finding = checkTorque(findTorque(s, dynamics, next)); finding.what) return finding;
-            if (const Finding finding = checkTick(s, jerk, t); finding.what) return finding;
+            if (const Violation violation = checkTorque(findTorque(s, dynamics, next)); violation.what)
+                return violation;
+            if (const Violation violation = checkTick(s, jerk, t); violation.what) return violation;
             advanceNominal(next, kTick_s, s);
         }
         return {};
@@ -290,12 +290,12 @@ bool checkObstacles(const Options& options) {
         do arm = std::make_unique<ObstacleCase>(robot, random);
         while (!arm->begin());
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
-            const Finding finding = arm->tick(tick);
+            const Violation violation = arm->tick(tick);
             run.addSteps(robot.description.size());
             ++ticks;
-            if (!finding.what) continue;
-            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": " + finding.what).c_str(),
-                     finding.excess);
+            if (!violation.what) continue;
+            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": " + violation.what).c_str(),
+                     violation.excess);
             break;
         }
         near += arm->near;

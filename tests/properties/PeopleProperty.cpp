@@ -92,22 +92,22 @@ public:
     }
 
     /** One tick; what was wrong in it. */
-    Finding tick(int number) {
+    Violation tick(int number) {
         if (number > 0) see();
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
-        Finding finding;
+        Violation violation;
         if (number > 0 && random_.chance(misses_)) {
-            finding = miss();
+            violation = miss();
         } else {
             if (changes_ && random_.integer(1, kTicksPerChange) == 1) changeLimits();
-            finding = decide();
+            violation = decide();
         }
         const Eigen::Vector3d target = dynamics_.tool.position;
         moving += state_.qd.cwiseAbs().maxCoeff() > kMoves;
         advanceNominal(decision_, kTick_s, state_);
         walkers_->walk(target);
-        if (!finding.what && !hasChanged_) finding = checkLimits(state_, description_.limits, kAllowed);
-        return finding;
+        if (!violation.what && !hasChanged_) violation = checkLimits(state_, description_.limits, kAllowed);
+        return violation;
     }
 
     std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, moving = 0, near = 0, stops = 0, exempt = 0,
@@ -123,7 +123,7 @@ private:
         feed_->put(seen_);
     }
 
-    Finding decide() {
+    Violation decide() {
         torque_ = dynamics_.M * pusher_.want(state_, dynamics_) + dynamics_.b;
         const FilterStatus status = filter_.filter({state_, torque_, dynamics_}, decision_);
         passed += status == FilterStatus::Passed;
@@ -139,10 +139,10 @@ private:
         else
             ++unkept;
         if (!told.isKept && status != FilterStatus::StoppedByPlan) return {"not braked although too near", 1.0};
-        Finding finding = checkTorque(decision_);
-        if (!finding.what) finding = checkTick(*walkers_, state_, decision_.value, true);
-        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = checkStop();
-        return finding;
+        Violation violation = checkTorque(decision_);
+        if (!violation.what) violation = checkTick(*walkers_, state_, decision_.value, true);
+        if (!violation.what && random_.integer(1, kTicksPerStop) == 1) violation = checkStop();
+        return violation;
     }
 
     /** New velocity limits of the joints, around those that were drawn. */
@@ -158,7 +158,7 @@ private:
 
     bool isExcused() const { return walkers_->hasUnseenJump() || walkers_->hasSeenJump(); }
 
-    Finding checkTick(const Walkers& walkers, const MotionState& from, const JointVector& jerk, bool counts) {
+    Violation checkTick(const Walkers& walkers, const MotionState& from, const JointVector& jerk, bool counts) {
         if (isExcused()) {
             exempt += counts;
             return {};
@@ -173,7 +173,7 @@ private:
                 qd[i] = s.v;
             }
             walkers.place(t, places_);
-            const detail::SeparationLimit::Found found = checker_->find(q, qd, places_, kNominalRest);
+            const detail::SeparationLimit::Sample found = checker_->find(q, qd, places_, kNominalRest);
             nearest = std::min(nearest, found.protective);
             if (found.isTooFast) return {"somebody is touched too fast", -found.protective};
         }
@@ -187,17 +187,16 @@ private:
     }
 
     /** A tick in which the filter is not asked: the arm goes on along its stop. */
-    Finding miss() {
+    Violation miss() {
         ++missed;
         JointVector jerk(state_.q.size());
-        for (Eigen::Index i = 0; i < jerk.size(); ++i)
-            jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
+        for (Eigen::Index i = 0; i < jerk.size(); ++i) jerk[i] = decision_.stops[static_cast<std::size_t>(i)].popJerk();
         decision_.holdJerk(jerk);
         filter_.skipTicks(1);
         return checkTick(*walkers_, state_, jerk, false);
     }
 
-    Finding checkTorque(const FilterDecision& decision) const {
+    Violation checkTorque(const FilterDecision& decision) const {
         HeldMotion motion;
         calcHeldMotion({state_, torque_, dynamics_}, FilterStatus::Modified, decision, kTick_s, motion);
         for (Eigen::Index i = 0; i < motion.torque.size(); ++i) {
@@ -209,7 +208,7 @@ private:
     }
 
     /** The stop of this tick's decision, followed to its end, while everybody runs at the tool. */
-    Finding checkStop() {
+    Violation checkStop() {
         ++stops;
         Walkers walkers = *walkers_;
         MotionState s = state_;
@@ -224,12 +223,12 @@ private:
             moves = false;
             for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
                 moves |= !left[i].atRest();
-                jerk[static_cast<Eigen::Index>(i)] = left[i].takeJerk();
+                jerk[static_cast<Eigen::Index>(i)] = left[i].popJerk();
             }
             next.holdJerk(jerk);
-            if (Finding finding = checkTick(walkers, s, jerk, false); finding.what) {
-                finding.what = "somebody is touched too fast along a stop";
-                return finding;
+            if (Violation violation = checkTick(walkers, s, jerk, false); violation.what) {
+                violation.what = "somebody is touched too fast along a stop";
+                return violation;
             }
             advanceNominal(next, kTick_s, s);
         }
@@ -276,12 +275,12 @@ bool checkPeople(const Options& options) {
         }
         ++begun;
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
-            const Finding finding = arm->tick(tick);
+            const Violation violation = arm->tick(tick);
             run.addSteps(robot.description.size());
             ++ticks;
-            if (!finding.what) continue;
-            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": " + finding.what).c_str(),
-                     finding.excess);
+            if (!violation.what) continue;
+            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": " + violation.what).c_str(),
+                     violation.excess);
             break;
         }
         stopped += arm->stopped;

@@ -149,7 +149,7 @@ private:
         if (isStop) {
             JointVector jerk(state_.q.size());
             for (Eigen::Index i = 0; i < jerk.size(); ++i)
-                jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
+                jerk[i] = decision_.stops[static_cast<std::size_t>(i)].popJerk();
             decision_.holdJerk(jerk);
             filter_.skipTicks(1);
         } else {
@@ -247,7 +247,7 @@ private:
                 qd[i] = s.v;
             }
             walkers_.place(t, places_);
-            const detail::SeparationLimit::Found found = checker_.find(q, qd, places_, kNominalRest);
+            const detail::SeparationLimit::Sample found = checker_.find(q, qd, places_, kNominalRest);
             isTooFast |= found.isTooFast;
             outcome_.least = std::min(outcome_.least, found.protective);
         }

@@ -13,7 +13,7 @@ Robot::Robot(const char* name)
       geometry(loadArmGeometry(description)),
       model(description) {}
 
-Finding checkLimits(const MotionState& state, const JointLimits& limits, double allowed) {
+Violation checkLimits(const MotionState& state, const JointLimits& limits, double allowed) {
     const auto beyond = [allowed](const JointVector& x, const JointBounds& b) {
         const double excess = std::max((x - b.upper).maxCoeff(), (b.lower - x).maxCoeff());
         return excess > allowed ? excess : 0.0;

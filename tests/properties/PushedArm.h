@@ -17,13 +17,13 @@ struct Robot {
 };
 
 /** What was wrong in a tick; null: nothing. */
-struct Finding {
+struct Violation {
     const char* what = nullptr;
     double excess = 0.0;
 };
 
 /** Position, velocity or acceleration beyond its limit by more than `allowed`. */
-Finding checkLimits(const MotionState& state, const JointLimits& limits, double allowed);
+Violation checkLimits(const MotionState& state, const JointLimits& limits, double allowed);
 
 /** Wants that change now and then: to and fro, towards a pose, at random, or the tool along a direction, whatever is there. */
 class Pusher {

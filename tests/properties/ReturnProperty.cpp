@@ -42,10 +42,10 @@ Real calcBeyond(const Range& x, const Sides& limit) {
 }
 
 /** One joint's way back, from the start or from a change of limits on. */
-struct Way {
+struct ArmTrack {
     /** @param earlier  limits by which the joint may have planned its stop: while it has not come back from one change
         of limits, those before it, too */
-    Way(const AxisState& s, const AxisLimits& l, const std::vector<AxisLimits>& earlier, double tick_s)
+    ArmTrack(const AxisState& s, const AxisLimits& l, const std::vector<AxisLimits>& earlier, double tick_s)
         : fastest(s, l, l, tick_s), taken(s) {
         for (const AxisLimits& before : earlier) {
             const FastestReturn old(s, before, l, tick_s);
@@ -100,7 +100,7 @@ private:
     /** Until all joints must have come back, where that is not too long. */
     int calcWait() const {
         double longest_s = 0.0;
-        for (const Way& way : ways_) longest_s = std::max(longest_s, way.allowed_s);
+        for (const ArmTrack& way : ways_) longest_s = std::max(longest_s, way.allowed_s);
         return static_cast<int>(std::clamp(longest_s / arm_->tick_s + 50.0, 300.0, double(kLongestWait)));
     }
 
@@ -144,7 +144,7 @@ private:
         const GridStop& stop = arm.braking.stop(i);
         PathRange path = tick;
         path.include(walkStop(next, stop, arm.tick_s));
-        Way& way = ways_[i];
+        ArmTrack& way = ways_[i];
         way.taken.include(tick);
 
         // Jerk: within the limits, or the stop's own that is older than they are.
@@ -186,7 +186,7 @@ private:
         static const char* const whats[] = {"position farther than the fastest stop needs [ticks of travel]",
                                             "velocity farther than the fastest stop needs [ticks of travel]",
                                             "acceleration farther than the fastest stop needs [ticks of travel]"};
-        Way& way = ways_[i];
+        ArmTrack& way = ways_[i];
         const FastestReturn& fastest = way.fastest;
         const Range& reference = getRange(fastest.stop, q);
         const Real farther = std::max(tick.largest - std::max(Real(limit.upper), reference.largest),
@@ -199,7 +199,7 @@ private:
     /** Takes the figures of the ways that end here. */
     void end() {
         for (int i = 0; i < arm_->n; ++i) {
-            const Way& way = ways_[i];
+            const ArmTrack& way = ways_[i];
             const AxisLimits l = arm_->limits.axis(i);
             for (int q = 0; q < 3; ++q) {
                 const Real beyond = calcBeyond(getRange(way.taken, q), getSides(l, q));
@@ -245,7 +245,7 @@ private:
     Run run_;
     bool changes_;
     Arm* arm_ = nullptr;
-    std::vector<Way> ways_;
+    std::vector<ArmTrack> ways_;
     std::vector<std::vector<AxisLimits>> earlier_;
     std::vector<PathRange> before_;  ///< the stops of one tick before
     int elapsed_ = 0;                ///< [ticks] of these ways

@@ -93,7 +93,7 @@ public:
     }
 
     /** One tick; what was wrong in it. */
-    Finding tick(int number) {
+    Violation tick(int number) {
         if (number > 0 && random_.chance(misses_)) return miss();
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
         torque_ = dynamics_.M * pusher_.want(state_, dynamics_) + dynamics_.b;
@@ -105,18 +105,19 @@ public:
         for (int i = 0; i < description_.size(); ++i) acts |= decision_.joints[i].limit == LimitKind::Speed;
         acting += acts;
         use_ = 0.0;
-        Finding finding = checkTorque(decision_);
-        if (!finding.what) finding = checkTick(state_, decision_.value);
+        Violation violation = checkTorque(decision_);
+        if (!violation.what) violation = checkTick(state_, decision_.value);
         atLimit += acts && use_ > 0.9;
         // What the filter tells is true of the tick.
-        if (!finding.what && !decision_.reports[LimitKind::Speed].isKnown) finding = {"the filter told no speed", 1.0};
-        if (!finding.what &&
+        if (!violation.what && !decision_.reports[LimitKind::Speed].isKnown)
+            violation = {"the filter told no speed", 1.0};
+        if (!violation.what &&
             use_ > decision_.reports[LimitKind::Speed].value / decision_.reports[LimitKind::Speed].limit + kAllowed)
-            finding = {"the filter told less than there was", use_};
-        if (!finding.what && random_.integer(1, kTicksPerStop) == 1) finding = checkStop();
+            violation = {"the filter told less than there was", use_};
+        if (!violation.what && random_.integer(1, kTicksPerStop) == 1) violation = checkStop();
         advanceNominal(decision_, kTick_s, state_);
-        if (!finding.what) finding = checkLimits(state_, description_.limits, kAllowed);
-        return finding;
+        if (!violation.what) violation = checkLimits(state_, description_.limits, kAllowed);
+        return violation;
     }
 
     std::int64_t passed = 0, stopped = 0, missed = 0, acting = 0, atLimit = 0, stops = 0;
@@ -126,7 +127,7 @@ public:
 
 private:
     /** Changes its mind now and then: to and fro, towards a pose, at random, or the tool along a direction. */
-    Finding checkTick(const MotionState& from, const JointVector& jerk) {
+    Violation checkTick(const MotionState& from, const JointVector& jerk) {
         for (int k = 0; k < kLooks; ++k) {
             JointVector q(from.q.size()), qd(from.q.size());
             for (Eigen::Index i = 0; i < q.size(); ++i) {
@@ -143,19 +144,18 @@ private:
     }
 
     /** A tick in which the filter is not asked: the arm goes on along its stop. */
-    Finding miss() {
+    Violation miss() {
         ++missed;
         JointVector jerk(state_.q.size());
-        for (Eigen::Index i = 0; i < jerk.size(); ++i)
-            jerk[i] = decision_.stops[static_cast<std::size_t>(i)].takeJerk();
+        for (Eigen::Index i = 0; i < jerk.size(); ++i) jerk[i] = decision_.stops[static_cast<std::size_t>(i)].popJerk();
         decision_.holdJerk(jerk);
         filter_.skipTicks(1);
-        const Finding finding = checkTick(state_, jerk);
+        const Violation violation = checkTick(state_, jerk);
         advanceNominal(decision_, kTick_s, state_);
-        return finding.what ? finding : checkLimits(state_, description_.limits, kAllowed);
+        return violation.what ? violation : checkLimits(state_, description_.limits, kAllowed);
     }
 
-    Finding checkTorque(const FilterDecision& decision) const {
+    Violation checkTorque(const FilterDecision& decision) const {
         HeldMotion motion;
         calcHeldMotion({state_, torque_, dynamics_}, FilterStatus::Modified, decision, kTick_s, motion);
         for (Eigen::Index i = 0; i < motion.torque.size(); ++i) {
@@ -167,7 +167,7 @@ private:
     }
 
     /** The stop of this tick's decision, followed to its end. */
-    Finding checkStop() {
+    Violation checkStop() {
         ++stops;
         MotionState s = state_;
         advanceNominal(decision_, kTick_s, s);
@@ -178,12 +178,12 @@ private:
             moves = false;
             for (std::size_t i = 0; i < static_cast<std::size_t>(jerk.size()); ++i) {
                 moves |= !left[i].atRest();
-                jerk[static_cast<Eigen::Index>(i)] = left[i].takeJerk();
+                jerk[static_cast<Eigen::Index>(i)] = left[i].popJerk();
             }
             next.holdJerk(jerk);
-            if (Finding finding = checkTick(s, jerk); finding.what) {
-                finding.what = "a point is too fast along a stop";
-                return finding;
+            if (Violation violation = checkTick(s, jerk); violation.what) {
+                violation.what = "a point is too fast along a stop";
+                return violation;
             }
             advanceNominal(next, kTick_s, s);
         }
@@ -226,12 +226,12 @@ bool checkSpeeds(const Options& options) {
         }
         ++begun;
         for (int tick = 0; tick < kTicksPerArm; ++tick) {
-            const Finding finding = arm->tick(tick);
+            const Violation violation = arm->tick(tick);
             run.addSteps(robot.description.size());
             ++ticks;
-            if (!finding.what) continue;
-            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": " + finding.what).c_str(),
-                     finding.excess);
+            if (!violation.what) continue;
+            run.fail((robot.description.name + " at tick " + std::to_string(tick) + ": " + violation.what).c_str(),
+                     violation.excess);
             break;
         }
         passed += arm->passed;

@@ -493,7 +493,7 @@ void ArmBatch::Impl::brake(int arm, Scratch& s) {
     if (surroundings) {
         WholeArm& whole = *wholeArms[count(arm)];
         s.jerk.resize(n);
-        for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].takeJerk();
+        for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].popJerk();
         whole.filter.skipTicks(1);
     } else {
         laws[count(arm)].braking().getStored(s.jerk);

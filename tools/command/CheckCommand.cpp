@@ -5,7 +5,7 @@
 #include "Commands.h"
 #include "ExperimentArguments.h"
 #include "config/Draws.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "experiment/CaseForecast.h"
 #include "viable/core/Error.h"
 
@@ -52,15 +52,15 @@ int tell(const ConfiguredCase& configured, CaseForecast& last) {
 int checkOne(const Experiment& experiment, bool tells) {
     int warnings = 0;
     CaseForecast last;
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     for (const CasePlan& plan : experiment.cases) {
-        if (complaints.isFull()) break;
-        complaints.gather([&] {
+        if (errors.isFull()) break;
+        errors.collect([&] {
             const auto configured = configureCase(plan);
             if (tells) warnings += tell(*configured, last);
         });
     }
-    complaints.throwIfAny(experiment.file.string());
+    errors.throwIfAny(experiment.file.string());
     return warnings;
 }
 

@@ -14,7 +14,7 @@
 #include "Progress.h"
 #include "RunFolder.h"
 #include "StopSignals.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "experiment/CaseRun.h"
 #include "live/Replay.h"
@@ -172,12 +172,12 @@ int run(const RunArguments& arguments) {
     selectCases(experiment, arguments.cases);
     ignoreWriteSignals();
     ConfiguredCases cases;  // refuse everything before a file is made
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     for (const CasePlan& plan : experiment.cases) {
-        if (complaints.isFull()) break;
-        complaints.gather([&] { cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr)); });
+        if (errors.isFull()) break;
+        errors.collect([&] { cases.push_back(configureCase(plan, arguments.isolate ? &isolation : nullptr)); });
     }
-    complaints.throwIfAny(arguments.file);
+    errors.throwIfAny(arguments.file);
 
     catchStopSignals();  // the first one: brake, finish the logs, end
     const fs::path folder = makeRunFolder(arguments.out, arguments.file);

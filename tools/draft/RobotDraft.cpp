@@ -193,11 +193,11 @@ void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link, std::vec
 
 RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions& options) {
     detail::UrdfDocument document(file);
-    detail::Complaints complaints;
+    detail::ErrorList urdfErrors;
     RobotDraft draft;
-    detail::checkUrdfTree(document, complaints);
-    draft.repairs = detail::repairUrdf(document, options.choice, complaints);
-    const UrdfRobot robot = detail::readUrdf(document, complaints);
+    detail::checkUrdfTree(document, urdfErrors);
+    draft.repairs = detail::repairUrdf(document, options.choice, urdfErrors);
+    const UrdfRobot robot = detail::readUrdf(document, urdfErrors);
     draft.urdf = draft.repairs.empty() ? document.text() : document.print();
 
     for (int i = 0; i < static_cast<int>(robot.joints.size()); ++i)

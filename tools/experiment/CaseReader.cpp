@@ -18,7 +18,7 @@ bool isWithin(const std::string& keyPath, const std::string& root) {
            (keyPath.size() == root.size() || keyPath[root.size()] == '.' || keyPath[root.size()] == '[');
 }
 
-/** The place of a case's block for complaints about its values together: the assignments of the command line that
+/** The place of a case's block for errors about its values together: the assignments of the command line that
 reach into it, if any, and the file's. */
 std::string describePlace(const ConfigNode& block, const std::string& key, const std::string& caseName,
                           const std::vector<std::string>& overrides) {
@@ -79,12 +79,12 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
 CasePlan readCase(const ConfigNode& node, const std::string& name, const std::string& title, const PluginLoader& loader,
                   const std::vector<std::filesystem::path>& robotPath, const std::vector<std::string>& overrides,
                   const std::vector<std::string>& lacking) {
-    Complaints complaints;
-    MapReader map(node, listNames(experimentKeys()), complaints);
+    ErrorList errors;
+    MapReader map(node, listNames(experimentKeys()), errors);
     const auto require = [&](const std::string& key, const auto& read) {
         if (map.isKnown() && std::find(lacking.begin(), lacking.end(), key) != lacking.end())
-            complaints.add(node.file, "the key " + quoteText(key) + " is missing",
-                           "Add `" + key + ": ...` at the top, for all cases, or to each of them");
+            errors.add(node.file, "the key " + quoteText(key) + " is missing",
+                       "Add `" + key + ": ...` at the top, for all cases, or to each of them");
         else
             map.require(key, read);
     };
@@ -96,14 +96,14 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     CasePlan plan;
     plan.name = name;
     require("robot", [&](const ConfigNode& value) { plan.robot = readRobot(value, robotPath); });
-    if (plan.robot.size() == 0) complaints.throwIfAny(node.file);  // the others are read by it
+    if (plan.robot.size() == 0) errors.throwIfAny(node.file);  // the others are read by it
     const int joints = plan.robot.size();
 
-    map.offer("payload", [&](const ConfigNode& block) {
+    map.readOptional("payload", [&](const ConfigNode& block) {
         plan.payload = readPayload(block, joints);
         plan.robot = addPayload(plan.robot, *plan.payload);
     });
-    const bool hasTick = map.isSure("tick_s") && complaints.gather([&] { plan.tick_s = readTick(map.find("tick_s")); });
+    const bool hasTick = map.isSure("tick_s") && errors.collect([&] { plan.tick_s = readTick(map.find("tick_s")); });
     if (hasTick) {
         bool hasDuration = false;
         require("duration_s", [&](const ConfigNode& value) {
@@ -111,13 +111,13 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
             hasDuration = true;
         });
         if (hasDuration && map.isSure("duration_s"))
-            map.offer("missed_ticks", [&](const ConfigNode& block) {
+            map.readOptional("missed_ticks", [&](const ConfigNode& block) {
                 plan.missedTicks = readMissedTicks(block, plan.tick_s, plan.duration_s);
             });
-        map.offer("stream", [&](const ConfigNode& block) { plan.stream = readStream(block, plan.tick_s); });
+        map.readOptional("stream", [&](const ConfigNode& block) { plan.stream = readStream(block, plan.tick_s); });
         const ConfigNode* own = map.find("limits");
         if (map.isSure("limits"))
-            complaints.gather([&] {
+            errors.collect([&] {
                 plan.limitsPlace = findPlace("limits", plan.robot.folder.string() + "/limits.yaml");
                 const LimitSettings limits = readLimitsBlock(own, plan.robot, plan.tick_s, plan.limitsPlace);
                 plan.limits = limits.limits;
@@ -125,41 +125,44 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
                 plan.holdsOnReal = limits.holdsOnReal;
             });
     }
-    complaints.gather([&] {
+    errors.collect([&] {
         plan.start = readStart(map.find("start"), plan.robot);
         plan.startPlace = findPlace("start", node.file);
     });
-    map.offer("environment", [&](const ConfigNode& block) {
+    map.readOptional("environment", [&](const ConfigNode& block) {
         plan.environment = readEnvironmentBlock(block);
         setContactSpeeds(plan.environment->people, plan.robot.movingMass());
     });
-    const bool hasSpeeds = map.isSure("speed_limits") && complaints.gather([&] {
+    const bool hasSpeeds = map.isSure("speed_limits") && errors.collect([&] {
         const ConfigNode* block = map.find("speed_limits");
         if (!block) return;
         readSettings(*block, plan.robot.speedLimits);
         plan.hasOwnSpeedLimits = true;
     });
     if (map.find("environment") || (hasSpeeds && plan.robot.speedLimits.needsCapsules()))
-        complaints.gather([&] { plan.geometry = loadArmGeometry(plan.robot); });
+        errors.collect([&] { plan.geometry = loadArmGeometry(plan.robot); });
     const auto read = [&](const ConfigNode& block, PluginKind kind) { return readPlugin(block, kind, loader, joints); };
     require("command", [&](const ConfigNode& block) { plan.command = read(block, PluginKind::CommandSource); });
     require("controller",
             [&](const ConfigNode& block) { plan.controller = read(block, PluginKind::NominalController); });
     require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
-    map.offer("real_plant", [&](const ConfigNode& block) { plan.realPlant = read(block, PluginKind::RealPlant); });
-    map.offer("robust_loop", [&](const ConfigNode& block) { plan.robustLoop = read(block, PluginKind::RobustLoop); });
-    map.offer("external_torque", [&](const ConfigNode& value) {
+    map.readOptional("real_plant",
+                     [&](const ConfigNode& block) { plan.realPlant = read(block, PluginKind::RealPlant); });
+    map.readOptional("robust_loop",
+                     [&](const ConfigNode& block) { plan.robustLoop = read(block, PluginKind::RobustLoop); });
+    map.readOptional("external_torque", [&](const ConfigNode& value) {
         plan.feedsExternalTorque = readExternalTorque(value);
         plan.externalTorquePlace = value.place();
     });
-    map.offer("disturbance_set", [&](const ConfigNode& block) { plan.disturbances = readDisturbances(block, joints); });
-    complaints.throwIfAny(node.file);
+    map.readOptional("disturbance_set",
+                     [&](const ConfigNode& block) { plan.disturbances = readDisturbances(block, joints); });
+    errors.throwIfAny(node.file);
 
-    complaints.gather([&] { checkRealArmIsWhole(map.find("robust_loop"), map.find("real_plant")); });
-    complaints.gather([&] { checkExternalTorqueHasPlant(plan); });
-    complaints.gather([&] { checkDisturbancesHavePlant(plan); });
-    complaints.gather([&] { checkHoldsOnBound(plan, plan.disturbances.has_value()); });
-    complaints.throwIfAny(node.file);
+    errors.collect([&] { checkRealArmIsWhole(map.find("robust_loop"), map.find("real_plant")); });
+    errors.collect([&] { checkExternalTorqueHasPlant(plan); });
+    errors.collect([&] { checkDisturbancesHavePlant(plan); });
+    errors.collect([&] { checkHoldsOnBound(plan, plan.disturbances.has_value()); });
+    errors.throwIfAny(node.file);
     plan.resolved = resolveCase(plan, title, map.find("environment"));
     return plan;
 }

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "config/Draws.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "experiment/CaseReader.h"
 #include "experiment/ExperimentKeys.h"
@@ -30,7 +30,7 @@ void checkCaseName(const std::string& name, const ConfigNode& node) {
 }
 
 /** Refuses what no case would ever see: a key at the top that every case replaces. */
-void checkUse(const ConfigNode& shared, const ConfigNode& cases, detail::Complaints& complaints) {
+void checkUse(const ConfigNode& shared, const ConfigNode& cases, detail::ErrorList& errors) {
     for (const auto& [key, node] : shared.entries) {
         if (!isCaseKey(key)) continue;
         bool used = false;
@@ -42,9 +42,8 @@ void checkUse(const ConfigNode& shared, const ConfigNode& cases, detail::Complai
                                      (!mine || !theirs || mine->text == theirs->text));
         }
         if (!used)
-            complaints.add(
-                node.place(), "no case uses this: every case has a `" + key + "` of its own",
-                "Remove it, or set it in the case: `cases." + cases.entries.front().first + "." + key + "`.");
+            errors.add(node.place(), "no case uses this: every case has a `" + key + "` of its own",
+                       "Remove it, or set it in the case: `cases." + cases.entries.front().first + "." + key + "`.");
     }
 }
 
@@ -140,11 +139,11 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
                                         [](const auto& entry) { return entry.first == "cases"; }),
                          shared.entries.end());
     const std::vector<std::string> lacking = listLacking(root);
-    detail::Complaints complaints;
-    checkUse(shared, *root.find("cases"), complaints);
+    detail::ErrorList errors;
+    checkUse(shared, *root.find("cases"), errors);
     for (const auto& entry : root.find("cases")->entries) {
-        if (complaints.isFull()) break;  // each reads its robot
-        complaints.gather([&, &name = entry.first, &node = entry.second] {
+        if (errors.isFull()) break;  // each reads its robot
+        errors.collect([&, &name = entry.first, &node = entry.second] {
             checkCaseName(name, node);
             checkCaseIsInFile(name, node, *root.find("cases"));
             const ConfigNode merged = overlay(shared, readChanges(node));
@@ -152,7 +151,7 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
                 detail::readCase(merged, name, experiment.title, loader, robotPath, overrides, lacking));
         });
     }
-    complaints.throwIfAny(file.string());
+    errors.throwIfAny(file.string());
     return experiment;
 }
 

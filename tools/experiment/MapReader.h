@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "viable/config/ConfigNode.h"
 
 namespace viable::detail {
@@ -14,13 +14,13 @@ namespace viable::detail {
 class MapReader {
 public:
     /** @param node  must outlive this object, a Map. @param keys  all that it may have: others are complained of */
-    MapReader(const ConfigNode& node, const std::vector<std::string>& keys, Complaints& complaints)
-        : map_(node), complaints_(complaints) {
+    MapReader(const ConfigNode& node, const std::vector<std::string>& keys, ErrorList& errors)
+        : map_(node), errors_(errors) {
         for (const std::string& key : keys) map_.find(key);
         for (const auto& entry : node.entries)
             if (std::find(keys.begin(), keys.end(), entry.first) == keys.end())
                 meant_.insert(findClosestName(entry.first, keys));
-        isKnown_ = complaints.gather([&] { map_.finish(); });
+        isKnown_ = errors.collect([&] { map_.finish(); });
     }
 
     const ConfigNode* find(const std::string& key) const { return map_.node().find(key); }
@@ -31,18 +31,18 @@ public:
 
     /** Calls read(value) where the key is there. */
     template <class Read>
-    void offer(const std::string& key, const Read& read) {
-        if (const ConfigNode* value = find(key)) complaints_.gather([&] { read(*value); });
+    void readOptional(const std::string& key, const Read& read) {
+        if (const ConfigNode* value = find(key)) errors_.collect([&] { read(*value); });
     }
     /** The same of a key that must be there. */
     template <class Read>
     void require(const std::string& key, const Read& read) {
-        if (isKnown_ || find(key)) complaints_.gather([&] { read(map_.require(key)); });
+        if (isKnown_ || find(key)) errors_.collect([&] { read(map_.require(key)); });
     }
 
 private:
     ConfigMap map_;
-    Complaints& complaints_;
+    ErrorList& errors_;
     std::set<std::string> meant_;  ///< by unknown keys
     bool isKnown_ = true;
 };

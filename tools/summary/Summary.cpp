@@ -253,7 +253,7 @@ void Summary::addRest(int i, const TickRecord& record) {
     const double lower = bounds_.position.lower[i], upper = bounds_.position.upper[i];
     const double q = record.nominal.q[i], range = upper - lower;
     const double jerkLimit = std::max(-bounds_.jerk.lower[i], bounds_.jerk.upper[i]);
-    Rest& rest = rests_[static_cast<std::size_t>(i)];
+    RestPeriod& rest = rests_[static_cast<std::size_t>(i)];
     if (!hasJointCommand(record) || !std::isfinite(range) || !std::isfinite(jerkLimit)) return;
     const double near = kNearShare * range, target = record.command.q[i];
     if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range) || target != rest.target) rest = {q, target, record.time_s};
@@ -309,7 +309,7 @@ void Summary::addMotor(int i, const TickRecord& record) {
         motor.worstUse = use;
         motor.worstTime_s = record.time_s;
     }
-    Peak& peak = peaks_[at];
+    MotorPeak& peak = peaks_[at];
     if (reference_.torqueRate.size() > i && ticks_ > 0 &&
         std::abs(record.motorTorque[i] - peak.last) >= reference_.torqueRate[i] * tick_s_ * (1.0 - kLeastCut))
         ++motor.ticksRateLimited;

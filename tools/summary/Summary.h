@@ -290,13 +290,13 @@ private:
     std::vector<MotorRecord> motors_;
     /** Of one motor, magnitudes [Nm]: the largest torque given, and its ticks; the largest asked for; ticks at the
     robot's limit. */
-    struct Peak {
+    struct MotorPeak {
         double given = 0.0, asked = 0.0;
         std::int64_t ticks = 0, ticksAtLimit = 0;
         int pushedTo = 0;   // 1 upwards, -1 downwards: by the robust loop, last
         double last = 0.0;  // given in the tick before
     };
-    std::vector<Peak> peaks_;
+    std::vector<MotorPeak> peaks_;
     double realEndSpeed_ = 0.0;
     std::int64_t externalTorqueMissing_ = 0;
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
@@ -313,10 +313,10 @@ private:
     double firstUnviable_s_ = 0.0, firstInfeasible_s_ = 0.0;
     ExtremeRecord worstMargin_, longestStop_;
     /** Where a joint came to rest and when; not a number before the first tick. */
-    struct Rest {
+    struct RestPeriod {
         double q, target, since_s;
     };
-    std::vector<Rest> rests_;
+    std::vector<RestPeriod> rests_;
     double squaredRestJerk_ = 0.0;  // of jerk / limit
     double rested_s_ = 0.0;
     std::int64_t restTicks_ = 0;  // joint-ticks

@@ -153,7 +153,7 @@ double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Appro
     approach.isKnown = approach_.isKnown && isSame(relative, approach_.expected);
     if (approach.isKnown) {
         approach.stop = approach_.stop;
-        const double next = approach.stop.takeJerk();
+        const double next = approach.stop.popJerk();
         if (!isFound || (mirrored ? next <= jerk : next >= jerk))
             jerk = next;
         else

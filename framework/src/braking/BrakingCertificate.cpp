@@ -144,7 +144,7 @@ void BrakingCertificate::skipTicks(std::int64_t ticks) {
 }
 
 void BrakingCertificate::followStored() {
-    expected_ = advance(expected_, stored_.takeJerk(), tick_s_);
+    expected_ = advance(expected_, stored_.popJerk(), tick_s_);
 }
 
 void BrakingCertificate::reset(const AxisState& state) {
@@ -418,7 +418,7 @@ double BrakingCertificate::commit(double jerk) {
         stored_ = chosen->stop;
         expected_ = chosen->after;
     } else {
-        jerk = stored_.takeJerk();
+        jerk = stored_.popJerk();
         expected_ = advance(state_, jerk, tick_s_);
     }
     knowsExpected_ = true;

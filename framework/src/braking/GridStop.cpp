@@ -117,7 +117,7 @@ double GridStop::nextJerk() const {
     return 0.0;
 }
 
-double GridStop::takeJerk() {
+double GridStop::popJerk() {
     const double jerk = nextJerk();
     skip(1);
     return jerk;

@@ -88,8 +88,8 @@ public:
         return check_.source_->result.profile[static_cast<std::size_t>(index_)].find(
             begin_s + check_.motion_.calcTime(from), begin_s + check_.motion_.calcTime(to), check_.apart_m_);
     }
-    bisection::Way calcWay(const bisection::Look& from, const bisection::Look& to) {
-        return check_.motion_.calcWay(index_, from.sample, to.sample);
+    bisection::Travel calcTravel(const bisection::Look& from, const bisection::Look& to) {
+        return check_.motion_.calcTravel(index_, from.sample, to.sample);
     }
     bisection::Look calcRough(int sample) {
         --check_.distances_;

@@ -45,7 +45,7 @@ struct Look {
 };
 
 /** How the points of an element move between two looks [m]. */
-struct Way {
+struct Travel {
     double reach;  ///< D
     double chord;  ///< L; infinite: not known
     double sag;
@@ -95,7 +95,7 @@ inline void settle(double bound, const Look& from, const Look& to, Result& resul
 }
 
 /** A lower bound between two looks. */
-inline double calcBound(const Look& from, const Look& to, const Way& way, double radius) {
+inline double calcBound(const Look& from, const Look& to, const Travel& way, double radius) {
     const double bound = (from.clearance + to.clearance - way.reach) / 2.0;
     const double a = from.clearance + radius, b = to.clearance + radius;
     if (!(a > 0.0 && b > 0.0 && a < std::numeric_limits<double>::infinity()) ||
@@ -112,13 +112,13 @@ inline double calcBound(const Look& from, const Look& to, const Way& way, double
 /** Proves what it can between two looks, adding to `result`.
 @param clearance  answers
     double radius()                                     r
-    Way calcWay(const Look& from, const Look& to)
+    Travel calcTravel(const Look& from, const Look& to)
     Look calcRough(int sample)                          quick, a lower bound
     void refine(Look& look)                               closely, where it is rough
     bool hasBudget() const                              false: nothing more may be looked at closely */
 template <class Clearance>
 void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Result& result) {
-    const Way way = clearance.calcWay(from, to);
+    const Travel way = clearance.calcTravel(from, to);
     double bound = 0.0, lowest = 0.0;
     const auto compare = [&] {
         // A look is a lower bound; so is its neighbour's, less what can have changed.

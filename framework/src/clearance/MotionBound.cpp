@@ -67,7 +67,7 @@ const JointVector& MotionBound::getTravel(int at) {
     return sample.travel;
 }
 
-bisection::Way MotionBound::calcWay(int e, int from, int to) {
+bisection::Travel MotionBound::calcTravel(int e, int from, int to) {
     Part& part = parts_[static_cast<std::size_t>(e)];
     if (part.bend < 0.0) {
         part.bend = motion_.calcBend(part.element.first, part.base);

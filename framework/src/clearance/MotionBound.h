@@ -34,7 +34,7 @@ public:
     /** Of its segments only those of element e are known. */
     const CapsuleMotion::Pose& getPose(int e, int sample);
     /** From sample `from` to a later one. */
-    bisection::Way calcWay(int e, int from, int to);
+    bisection::Travel calcTravel(int e, int from, int to);
     /** How far apart the points of element e are on two paths whose positions differ by no more than `apart`, and for both of
     which the extremes hold [m]. */
     double calcApart(int e, const JointVector& apart) const {

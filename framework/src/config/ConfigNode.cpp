@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "config/ConfigText.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "viable/core/Error.h"
 
@@ -254,7 +254,7 @@ const ConfigNode& ConfigMap::require(const std::string& key) {
 }
 
 void ConfigMap::finish() const {
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     for (const auto& [key, value] : node_.entries) {
         if (std::find(known_.begin(), known_.end(), key) != known_.end()) continue;
         std::string remedy = known_.empty() ? "No key is allowed here" : "";
@@ -265,11 +265,11 @@ void ConfigMap::finish() const {
         if (meant.empty() && withUnit != known_.end()) meant = *withUnit;
         if (!meant.empty()) remedy = "Did you mean `" + meant + "`?";
         if (withUnit != known_.end() && meant == *withUnit) remedy += " A key carries its unit.";
-        if (complaints.isEmpty() && !known_.empty())  // once is enough
+        if (errors.isEmpty() && !known_.empty())  // once is enough
             remedy += (remedy.empty() ? "" : " ") + ("Known keys: `" + detail::join(known_, "`, `") + "`");
-        complaints.add(value.place(), "the key " + quoteText(key) + " is unknown", remedy);
+        errors.add(value.place(), "the key " + quoteText(key) + " is unknown", remedy);
     }
-    complaints.throwIfAny(node_.place());
+    errors.throwIfAny(node_.place());
 }
 
 }  // namespace viable

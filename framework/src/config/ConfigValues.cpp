@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "config/ConfigText.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
@@ -392,9 +392,9 @@ std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount
     }
     std::vector<double> values;
     values.reserve(node.items.size());
-    detail::Complaints complaints;
-    for (const ConfigNode& item : node.items) complaints.gather([&] { values.push_back(toNumber(item, range)); });
-    complaints.throwIfAny(node.place());
+    detail::ErrorList errors;
+    for (const ConfigNode& item : node.items) errors.collect([&] { values.push_back(toNumber(item, range)); });
+    errors.throwIfAny(node.place());
     return values;
 }
 
@@ -410,10 +410,10 @@ JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& rang
                        "Write " + formatCount(n, n) + " in brackets, or a single one");
     }
     JointVector values(n);
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     for (int i = 0; i < n; ++i)
-        complaints.gather([&] { values[i] = toNumber(node.items[static_cast<std::size_t>(i)], range); });
-    complaints.throwIfAny(node.place());
+        errors.collect([&] { values[i] = toNumber(node.items[static_cast<std::size_t>(i)], range); });
+    errors.throwIfAny(node.place());
     return values;
 }
 

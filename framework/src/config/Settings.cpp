@@ -10,7 +10,7 @@
 
 #include "config/ConfigText.h"
 #include "config/ParameterText.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "viable/core/Error.h"
 
@@ -184,7 +184,7 @@ bool isChosenByOverride(const ConfigNode& block) {
     return plugin && plugin->file == detail::kOverrideFile;
 }
 
-/** The block's place for complaints about what is not written in it. */
+/** The block's place for errors about what is not written in it. */
 std::string describePlace(const ConfigNode& block) {
     if (!isChosenByOverride(block)) return block.place();
     const ConfigNode& plugin = *block.find("plugin");
@@ -228,10 +228,10 @@ std::vector<std::vector<double>> toRows(const ConfigNode& node, const ParameterS
     }
     std::vector<std::vector<double>> rows;
     rows.reserve(node.items.size());
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     for (const ConfigNode& row : node.items)
-        complaints.gather([&] { rows.push_back(toNumbers(row, spec.minCount, spec.maxCount, spec.range())); });
-    complaints.throwIfAny(node.place());
+        errors.collect([&] { rows.push_back(toNumbers(row, spec.minCount, spec.maxCount, spec.range())); });
+    errors.throwIfAny(node.place());
     return rows;
 }
 
@@ -376,8 +376,8 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     checkSpecs(specs, count, block.place());
     const ConfigNode* plugin = map.find("plugin");
     for (std::size_t i = 0; i < count; ++i) map.find(specs[i].name);
-    detail::Complaints complaints;
-    const bool isKnown = complaints.gather([&] { map.finish(); });
+    detail::ErrorList errors;
+    const bool isKnown = errors.collect([&] { map.finish(); });
 
     Parameters parameters;
     parameters.jointCount_ = jointCount;
@@ -399,7 +399,7 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
             parameters.places_.emplace(spec.name, place);
             continue;
         }
-        complaints.gather([&] {
+        errors.collect([&] {
             if (isMissing) throw describeMissing(block, spec, nameWithUnit(spec));
             ConfigNode node = written ? *written : makeDefault(spec, block);
             const SettingValue value = readValue(node, written ? *written : block, spec, jointCount, block.place());
@@ -411,7 +411,7 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
             resolved.entries.emplace_back(spec.name, node);
         });
     }
-    complaints.throwIfAny(describePlace(block));
+    errors.throwIfAny(describePlace(block));
     return parameters;
 }
 
@@ -429,9 +429,9 @@ void SettingList::fill(const ConfigNode& block, int jointCount) const {
 
 void SettingList::readNested(const ParameterSpec& spec, const Target& target, const ConfigNode& node,
                              int jointCount) const {
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     const auto readOne = [&](const ConfigNode& block, const std::string& name) {
-        complaints.gather([&] { target.readInner(target.member, &block, name, jointCount); });
+        errors.collect([&] { target.readInner(target.member, &block, name, jointCount); });
     };
     std::string keys;
     for (const ParameterSpec& inner : spec.inner()) detail::addItem(keys, inner.name);
@@ -462,18 +462,18 @@ void SettingList::readNested(const ParameterSpec& spec, const Target& target, co
         checkCount(node.items.size());
         for (const ConfigNode& block : node.items) readOne(block, {});
     }
-    complaints.throwIfAny(node.place());
+    errors.throwIfAny(node.place());
 }
 
 void SettingList::read(const ConfigNode& block, int jointCount) const {
     ConfigMap map(block);
     for (const ParameterSpec& spec : specs_) map.find(spec.name);
-    detail::Complaints complaints;
-    const bool isKnown = complaints.gather([&] { map.finish(); });
+    detail::ErrorList errors;
+    const bool isKnown = errors.collect([&] { map.finish(); });
     for (std::size_t i = 0; i < specs_.size(); ++i) {
         const ParameterSpec& spec = specs_[i];
         const ConfigNode* const written = block.find(spec.name);
-        complaints.gather([&] {
+        errors.collect([&] {
             if (!written && !spec.defaultText && isKnown)
                 throw describeMissing(block, spec, "the key " + quoteText(spec.name));
             if (!written) return;  // where a key is not known, it may have been meant
@@ -484,7 +484,7 @@ void SettingList::read(const ConfigNode& block, int jointCount) const {
                                    spec);
         });
     }
-    complaints.throwIfAny(block.place());
+    errors.throwIfAny(block.place());
 }
 
 }  // namespace viable

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "environment/EnvironmentSettings.h"
 #include "environment/WaypointPath.h"
@@ -39,15 +39,15 @@ fs::path findMapFile(const ConfigNode& node) {
 void refuseHeads(const ConfigNode& block) {
     const ConfigNode* const people = block.find("people");
     if (!people || people->kind != ConfigNode::Kind::Map) return;
-    detail::Complaints complaints;
+    detail::ErrorList errors;
     for (const auto& [name, person] : people->entries) {
         const ConfigNode* const part = person.kind == ConfigNode::Kind::Map ? person.find("body_part") : nullptr;
         const std::string what = part ? part->text : "";
         if (what == "head" || what == "face" || what == "neck" || what == "skull")
-            complaints.add(part->place(), "`" + what + "` may not be touched by what moves",
-                           "Leave `body_part` out: then what it can touch rests before.");
+            errors.add(part->place(), "`" + what + "` may not be touched by what moves",
+                       "Leave `body_part` out: then what it can touch rests before.");
     }
-    complaints.throwIfAny(people->place());
+    errors.throwIfAny(people->place());
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "config/ConfigText.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "environment/WaypointPath.h"
 #include "viable/core/Error.h"

@@ -36,13 +36,13 @@ struct Surroundings::Shapes {
         int obstacle;
     };
     /** The straight way from one waypoint to the next; after the last one a way of no length. */
-    struct Way {
+    struct Segment {
         Eigen::Vector3d from, along;
         double perSquare;  ///< 1 / |along|^2; 0: no length
         double begin_s, perSecond;
     };
     struct Path {
-        std::vector<Way> ways;
+        std::vector<Segment> ways;
         Eigen::Vector3d centre;  ///< of the sphere around all that it sweeps
         double around;
         double radius;
@@ -267,7 +267,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t, c
         double least = std::numeric_limits<double>::infinity();
         Eigen::Vector3d nearestAway = Eigen::Vector3d::Zero();
         for (std::size_t i = first; i < path.ways.size(); ++i, gone = 0.0) {
-            const Shapes::Way& way = path.ways[i];
+            const Shapes::Segment& way = path.ways[i];
             const Eigen::Vector3d away = p - way.from;
             const double s = std::clamp(away.dot(way.along) * way.perSquare, gone, 1.0);
             const Eigen::Vector3d off = away - s * way.along;

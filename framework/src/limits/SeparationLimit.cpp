@@ -85,10 +85,10 @@ SeparationLimit::SeparationLimit(RobotDescription robot, const ArmGeometry& geom
     isExcused_.resize(people_.size(), 0);
 }
 
-SeparationLimit::Found SeparationLimit::find(const JointVector& q, const JointVector& qd,
-                                             const PeopleObservation& places, double rest) const {
+SeparationLimit::Sample SeparationLimit::find(const JointVector& q, const JointVector& qd,
+                                              const PeopleObservation& places, double rest) const {
     const ArmMotion arm(robot_, q, qd);
-    Found found;
+    Sample found;
     for (std::size_t k = 0; k < capsules_.size(); ++k) {
         const LinkCapsule& capsule = capsules_[k];
         const auto [a, b, speed] = arm.place(capsule);
@@ -135,7 +135,7 @@ LimitSample SeparationLimit::sample(const ArmSample& arm) {
         for (std::size_t j = 0; j < person.capsules.size(); ++j)
             place.capsules[j] = {at + person.capsules[j].a, at + person.capsules[j].b, person.capsules[j].radius};
     }
-    const Found close = find(arm.q, arm.qd, places_, arm.isReal ? kRealArmRest : kNominalRest);
+    const Sample close = find(arm.q, arm.qd, places_, arm.isReal ? kRealArmRest : kNominalRest);
     LimitSample found;
     found.value = close.protective;
     found.isBroken = close.isTooFast;

@@ -20,7 +20,7 @@ public:
     const char* otherName(int index) const override;
 
     /** What an arm in one state does to people in one place each. */
-    struct Found {
+    struct Sample {
         bool touches = false, isTooFast = false, isViolation = false;
         double fastestTouch = 0.0;
         double protective = std::numeric_limits<double>::infinity();
@@ -28,7 +28,7 @@ public:
     };
     /** @param places  of each person's capsules, base frame; Unseen ones are nowhere
         @param rest    slower points rest [m/s] */
-    Found find(const JointVector& q, const JointVector& qd, const PeopleObservation& places, double rest) const;
+    Sample find(const JointVector& q, const JointVector& qd, const PeopleObservation& places, double rest) const;
 
 private:
     RobotDescription robot_;

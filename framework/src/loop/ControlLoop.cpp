@@ -240,7 +240,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         releaseToRobot();
         return;
     }
-    const detail::FollowingWatch::Finding found =
+    const detail::FollowingWatch::Violation found =
         following_.update(plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_}, elapsedTicks);
     if (found.cause == Cause::None) return;
     drifts_ = found.cause == Cause::Drift;

@@ -110,13 +110,13 @@ bool FollowingWatch::pushesToAndFro(int joint, double asked, double robust) {
     return ticks >= kPushTicks && static_cast<double>(ticks) * tick_s_ >= kHalfPeriods * halfPeriod();
 }
 
-FollowingWatch::Finding FollowingWatch::update(const JointState& real, const MotionState& nominal,
-                                               const Torques& torques, std::int64_t elapsedTicks) {
+FollowingWatch::Violation FollowingWatch::update(const JointState& real, const MotionState& nominal,
+                                                 const Torques& torques, std::int64_t elapsedTicks) {
     tick_ += elapsedTicks;
     const double elapsed_s = static_cast<double>(elapsedTicks) * tick_s_;
     const double recent_s = kRecent_s / kHalfPeriod_s * halfPeriod();
     const double share = std::min(1.0, elapsed_s / recent_s);
-    Finding finding;
+    Violation violation;
     for (int i = 0; i < n_; ++i) {
         const double asked = std::abs(torques.asked[i]);
         const double used = std::min(asked, torqueLimit_[i]);
@@ -129,31 +129,31 @@ FollowingWatch::Finding FollowingWatch::update(const JointState& real, const Mot
         const bool swinging = swings(i, real.qd[i] - nominal.qd[i], elapsed_s, isAtLimit || isWeak);
         const bool pushing =
             pushesToAndFro(i, torques.asked[i], torques.robust[i]) && saturation_[i] + weakness_[i] >= kPushedShare;
-        if ((swinging || pushing) && finding.cause == Cause::None)
-            finding = {Cause::Oscillation, i, swinging ? -1 : i, swings_[static_cast<std::size_t>(i)].last,
-                       fastest_[i]};
+        if ((swinging || pushing) && violation.cause == Cause::None)
+            violation = {Cause::Oscillation, i, swinging ? -1 : i, swings_[static_cast<std::size_t>(i)].last,
+                         fastest_[i]};
     }
-    if (finding.cause != Cause::None) return finding;
+    if (violation.cause != Cause::None) return violation;
     double worst = 1.0;
     for (int i = 0; i < n_; ++i) {
         const double error = std::abs(real.q[i] - nominal.q[i]);
         if (error <= worst * allowedError_[i]) continue;
         worst = error / allowedError_[i];
-        finding = {Cause::Drift, i, -1, error, allowedError_[i]};
+        violation = {Cause::Drift, i, -1, error, allowedError_[i]};
     }
-    if (finding.cause == Cause::None) return finding;
+    if (violation.cause == Cause::None) return violation;
     // So fast that it was away before it had swung often enough to tell.
-    const Swing& swing = swings_[static_cast<std::size_t>(finding.joint)];
-    if (swing.halves > 1) return {Cause::Oscillation, finding.joint, -1, swing.last, fastest_[finding.joint]};
+    const Swing& swing = swings_[static_cast<std::size_t>(violation.joint)];
+    if (swing.halves > 1) return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
     const auto blame = [&](const JointVector& shares, Cause cause) {
         Eigen::Index motor = 0;
         if (shares.maxCoeff(&motor) < kSaturated) return;
-        finding.cause = cause;
-        finding.motor = static_cast<int>(motor);
+        violation.cause = cause;
+        violation.motor = static_cast<int>(motor);
     };
     blame(saturation_, Cause::Saturation);
     blame(weakness_, Cause::Weakness);
-    return finding;
+    return violation;
 }
 
 }  // namespace viable::detail

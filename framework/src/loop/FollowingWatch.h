@@ -50,7 +50,7 @@ public:
         Weakness,     ///< `joint` is away, and the motor of `motor` gave less than was asked for, below its limit
         Drift,        ///< `joint` is away, though the motors had torque to spare
     };
-    struct Finding {
+    struct Violation {
         Cause cause = Cause::None;
         int joint = -1, motor = -1;
         double error = 0.0, allowed = 0.0;  ///< of the position [rad]; of an oscillation: of the velocity [rad/s]
@@ -66,14 +66,14 @@ public:
     void begin(const RunSetup& setup);
     /** A sign that lasts longer belongs to no oscillation [s]. */
     double halfPeriod() const;
-    /** After a finding: the arm goes on away from its nominal place. */
+    /** After a violation: the arm goes on away from its nominal place. */
     bool runsAway(const JointState& real, const MotionState& nominal) const;
     /** Velocity limits that are wider from now on count. */
     void widen(const JointLimits& limits);
 
     /** Takes what was read. @param elapsedTicks  since the reading before, 1 unless ticks were missed */
-    Finding update(const JointState& real, const MotionState& nominal, const Torques& torques,
-                   std::int64_t elapsedTicks);
+    Violation update(const JointState& real, const MotionState& nominal, const Torques& torques,
+                     std::int64_t elapsedTicks);
 
 private:
     struct Swing {

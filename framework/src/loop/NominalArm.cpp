@@ -194,14 +194,14 @@ bool NominalArm::askFilter(const JointVector& external) {
 
 /** False: the decision must not be applied. */
 bool NominalArm::passMonitor() {
-    const StopMonitor::Finding& finding = monitor_.examine(state_, decision_);
-    verdict_ = finding.verdict;
+    const StopMonitor::Violation& violation = monitor_.examine(state_, decision_);
+    verdict_ = violation.verdict;
     if (verdict_ != StopVerdict::NoStop || !guarantees_) {
         monitor_.accept();
         return true;
     }
     char what[256];
-    monitor_.describe(finding, setup_.robot, what, sizeof what);
+    monitor_.describe(violation, setup_.robot, what, sizeof what);
     char message[LoopStatus::kMessageSize];
     std::snprintf(message, sizeof message, "it guarantees all limits, but %s", what);
     loop_.beginStop(StopReason::GuaranteeBroken, message, kOnGuarantee);

@@ -40,7 +40,7 @@ constexpr double AxisLimits::*kUpperBounds[] = {&AxisLimits::positionUpper, &Axi
 constexpr AxisLimits kUnbounded{-kInfinity, kInfinity, -kInfinity, kInfinity,
                                 -kInfinity, kInfinity, -kInfinity, kInfinity};
 
-double takeJerk(std::array<GridStop::Segment, GridStop::kSegments>& segments) {
+double popJerk(std::array<GridStop::Segment, GridStop::kSegments>& segments) {
     for (GridStop::Segment& segment : segments) {
         if (segment.ticks == 0) continue;
         --segment.ticks;
@@ -129,7 +129,7 @@ void StopMonitor::loosenBounds(const MotionState& nominal, int i, const AxisLimi
         bounds_[i].*upper = std::max(limit.*upper, std::min(before.*upper, reached.*upper));
         isLoose_[i] |= bounds_[i].*upper > limit.*upper;
     }
-    ways_[i] = {};
+    returns_[i] = {};
 }
 
 HeldQuantity StopMonitor::getStopKind(HeldQuantity held) const {
@@ -194,13 +194,13 @@ bool StopMonitor::followPlan(const Plan& plan, int joint, Path& path) const {
     return ticks <= kMaxStopTicks && path.extent.isFinite();
 }
 
-void StopMonitor::keepFinding(Fault fault, int joint, LimitKind limit, LimitSide side, double excess,
-                              double tolerance) {
+void StopMonitor::keepViolation(Fault fault, int joint, LimitKind limit, LimitSide side, double excess,
+                                double tolerance) {
     const StopVerdict verdict = fault == Fault::None ? StopVerdict::Recovering : StopVerdict::NoStop;
     fails_[joint] |= verdict == StopVerdict::NoStop;
     const double weight = excess / tolerance;
-    if (verdict < finding_.verdict || (verdict == finding_.verdict && !(weight > worst_))) return;
-    finding_ = {verdict, fault, joint, limit, side, excess};
+    if (verdict < violation_.verdict || (verdict == violation_.verdict && !(weight > worst_))) return;
+    violation_ = {verdict, fault, joint, limit, side, excess};
     worst_ = weight;
 }
 
@@ -209,7 +209,7 @@ void StopMonitor::checkTickJerk(int i, double jerk) {
     const double below = bounds_[i].jerkLower - jerk, above = jerk - bounds_[i].jerkUpper;
     const LimitSide side = above > below ? LimitSide::Upper : LimitSide::Lower;
     const double excess = std::max(below, above);
-    if (excess > tolerances_[i].jerk) keepFinding(Fault::Limit, i, LimitKind::Jerk, side, excess, 0.0);
+    if (excess > tolerances_[i].jerk) keepViolation(Fault::Limit, i, LimitKind::Jerk, side, excess, 0.0);
 }
 
 void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool checksRest) {
@@ -218,10 +218,10 @@ void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool che
     const auto checkSide = [&](LimitKind kind, LimitSide side, double beyondBound, double beyondLimit, double allowed) {
         if (beyondLimit > allowed) {
             isRecovering_[i] = true;
-            const bool stays = ways_[i].idle_s > kPatience_s;
-            keepFinding(stays ? Fault::Stays : Fault::None, i, kind, side, beyondLimit, allowed);
+            const bool stays = returns_[i].idle_s > kPatience_s;
+            keepViolation(stays ? Fault::Stays : Fault::None, i, kind, side, beyondLimit, allowed);
         }
-        if (beyondBound > allowed) keepFinding(Fault::Limit, i, kind, side, beyondBound, allowed);
+        if (beyondBound > allowed) keepViolation(Fault::Limit, i, kind, side, beyondBound, allowed);
     };
     const auto check = [&](LimitKind kind, const detail::PathExtent::Range& x, double AxisLimits::*lower,
                            double AxisLimits::*upper, double allowed) {
@@ -243,14 +243,14 @@ void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool che
     const auto checkRest = [&](LimitKind kind, double x, const detail::PathExtent::Range& range, double allowed) {
         allowed = widenTolerance(widenTolerance(allowed, range.lower), range.upper);
         if (std::abs(x) > allowed)
-            keepFinding(Fault::Moving, i, kind, x > 0.0 ? LimitSide::Upper : LimitSide::Lower, std::abs(x), allowed);
+            keepViolation(Fault::Moving, i, kind, x > 0.0 ? LimitSide::Upper : LimitSide::Lower, std::abs(x), allowed);
     };
     checkRest(LimitKind::Velocity, path.extent.v(), path.extent.velocity, tolerance.velocity);
     checkRest(LimitKind::Acceleration, path.extent.a(), path.extent.acceleration, tolerance.acceleration);
 }
 
 void StopMonitor::checkDecision(const MotionState& nominal, const FilterDecision& decision, const Plan& plan) {
-    finding_ = {};
+    violation_ = {};
     worst_ = 0.0;
     isRecovering_.fill(false);
     fails_.fill(false);
@@ -264,7 +264,7 @@ void StopMonitor::checkDecision(const MotionState& nominal, const FilterDecision
         const bool checksRates = holdsJerk || guaranteed_;
         if (checksRates) checkTickJerk(i, jerk);
         if (!followPlan(plan, i, path)) {
-            keepFinding(Fault::Malformed, i, LimitKind::None, LimitSide::Neither, kInfinity, 1.0);
+            keepViolation(Fault::Malformed, i, LimitKind::None, LimitSide::Neither, kInfinity, 1.0);
             reports_[i] = {-kInfinity, kInfinity, kNan};
             continue;
         }
@@ -275,7 +275,7 @@ void StopMonitor::checkDecision(const MotionState& nominal, const FilterDecision
     }
 }
 
-const StopMonitor::Finding& StopMonitor::examine(const MotionState& nominal, const FilterDecision& decision) {
+const StopMonitor::Violation& StopMonitor::examine(const MotionState& nominal, const FilterDecision& decision) {
     next_ = nominal;
     advanceNominal(decision, tick_s_, next_);
     const bool hasSuppliedStops = decision.hasStops && (decision.held == HeldQuantity::Jerk || guaranteed_);
@@ -285,17 +285,17 @@ const StopMonitor::Finding& StopMonitor::examine(const MotionState& nominal, con
         planStop(next_, decision.held);
     checkDecision(nominal, decision, examined_);
     bool isOwn = !hasSuppliedStops;
-    if (finding_.verdict == StopVerdict::NoStop && hasSuppliedStops && !guaranteed_) {
+    if (violation_.verdict == StopVerdict::NoStop && hasSuppliedStops && !guaranteed_) {
         planStop(next_, decision.held);
         checkDecision(nominal, decision, examined_);
         isOwn = true;
     }
-    if (finding_.verdict == StopVerdict::NoStop && isOwn) {
+    if (violation_.verdict == StopVerdict::NoStop && isOwn) {
         for (int i = 0; i < n_; ++i)
             if (fails_[i]) planCarefully(next_, i);
         checkDecision(nominal, decision, examined_);
     }
-    return finding_;
+    return violation_;
 }
 
 AxisLimits StopMonitor::calcBounds(const MotionState& from, int i) const {
@@ -314,7 +314,7 @@ AxisLimits StopMonitor::calcBounds(const MotionState& from, int i) const {
 }
 
 void StopMonitor::tightenBounds() {
-    if (finding_.verdict == StopVerdict::NoStop) return;
+    if (violation_.verdict == StopVerdict::NoStop) return;
     for (int i = 0; i < n_; ++i) {
         if (!isLoose_[i]) continue;
         isLoose_[i] = isRecovering_[i];
@@ -330,7 +330,7 @@ void StopMonitor::tightenBounds() {
 
 /** A joint comes nearer when its extremes move inwards or else its stop becomes shorter. */
 void StopMonitor::watchReturn() {
-    if (finding_.verdict == StopVerdict::NoStop) return;
+    if (violation_.verdict == StopVerdict::NoStop) return;
     for (int i = 0; i < n_; ++i) {
         if (!isLoose_[i]) continue;
         const Tolerances& t = tolerances_[i];
@@ -343,13 +343,13 @@ void StopMonitor::watchReturn() {
             see(limits_[i].*kLowerBounds[k] - bounds_[i].*kLowerBounds[k], tolerances[k]);
             see(bounds_[i].*kUpperBounds[k] - limits_[i].*kUpperBounds[k], tolerances[k]);
         }
-        Way& way = ways_[i];
-        if (excess < way.excess - 1.0)
-            way = {excess, reports_[i].duration_s, 0.0};
-        else if (reports_[i].duration_s < way.stop_s - tick_s_ / 2.0)
-            way = {way.excess, reports_[i].duration_s, 0.0};
+        ReturnState& back = returns_[i];
+        if (excess < back.excess - 1.0)
+            back = {excess, reports_[i].duration_s, 0.0};
+        else if (reports_[i].duration_s < back.stop_s - tick_s_ / 2.0)
+            back = {back.excess, reports_[i].duration_s, 0.0};
         else
-            way.idle_s += tick_s_;
+            back.idle_s += tick_s_;
     }
 }
 
@@ -360,12 +360,12 @@ void StopMonitor::accept() {
     watchReturn();
 }
 
-const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal, FilterDecision& decision) {
+const StopMonitor::Violation& StopMonitor::followStop(const MotionState& nominal, FilterDecision& decision) {
     decision.held = ready_.held;
     decision.value.resize(n_);
     for (int i = 0; i < n_; ++i)
         decision.value[i] = ready_.held == HeldQuantity::Jerk
-                                ? takeJerk(ready_.joints[i])
+                                ? popJerk(ready_.joints[i])
                                 : calcBrakingAcceleration(nominal.qd[i], limits_[i], tick_s_);
     decision.joints.fill({});
     decision.hasStops = false;
@@ -373,7 +373,7 @@ const StopMonitor::Finding& StopMonitor::followStop(const MotionState& nominal, 
     advanceNominal(decision, tick_s_, next_);
     checkDecision(nominal, decision, ready_);
     tightenBounds();
-    return finding_;
+    return violation_;
 }
 
 void StopMonitor::calcStop(const MotionState& nominal, double after_s, MotionState& state) const {
@@ -400,27 +400,28 @@ bool StopMonitor::atRest(const MotionState& nominal) const {
     return true;
 }
 
-void StopMonitor::describe(const Finding& finding, const RobotDescription& robot, char* text, std::size_t size) const {
-    const char* const jointName = robot.joints[static_cast<std::size_t>(finding.joint)].name.c_str();
-    const char* const unit = getUnit(finding.limit, robot.slides(finding.joint));
-    const char* side = getName(finding.side);
-    const char* quantity = getName(finding.limit, LimitSide::Neither);
-    switch (finding.fault) {
+void StopMonitor::describe(const Violation& violation, const RobotDescription& robot, char* text,
+                           std::size_t size) const {
+    const char* const jointName = robot.joints[static_cast<std::size_t>(violation.joint)].name.c_str();
+    const char* const unit = getUnit(violation.limit, robot.slides(violation.joint));
+    const char* side = getName(violation.side);
+    const char* quantity = getName(violation.limit, LimitSide::Neither);
+    switch (violation.fault) {
         case Fault::None:
             std::snprintf(text, size, "%s is safe", jointName);
             break;
         case Fault::Limit:
             std::snprintf(text, size, "%s would pass its %s %s limit by %.3g %s in this tick or the stop after it%s",
-                          jointName, side, quantity, finding.excess, unit,
-                          isLoose_[finding.joint] ? " (compared with the stop before)" : "");
+                          jointName, side, quantity, violation.excess, unit,
+                          isLoose_[violation.joint] ? " (compared with the stop before)" : "");
             break;
         case Fault::Stays:
             std::snprintf(text, size, "%s is %.3g %s beyond its %s %s limit and comes no nearer", jointName,
-                          finding.excess, unit, side, quantity);
+                          violation.excess, unit, side, quantity);
             break;
         case Fault::Moving:
             std::snprintf(text, size, "%s would not be at rest at the end of its stop (%s %.3g %s)", jointName,
-                          quantity, finding.excess, unit);
+                          quantity, violation.excess, unit);
             break;
         case Fault::Malformed:
             std::snprintf(text, size, "the stop of %s is none: a jerk that is not finite, or no end", jointName);

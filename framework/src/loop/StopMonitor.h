@@ -38,7 +38,7 @@ public:
     };
 
     /** What is wrong; of several wrongs the tick's own jerk, else the largest, measured by the limit's range. */
-    struct Finding {
+    struct Violation {
         StopVerdict verdict = StopVerdict::Safe;
         Fault fault = Fault::None;
         int joint = 0;
@@ -57,12 +57,12 @@ public:
     void changeLimits(const JointLimits& limits, const MotionState& nominal);
 
     /** Follows a finite decision of the right size from the state `nominal`. */
-    const Finding& examine(const MotionState& nominal, const FilterDecision& decision);
+    const Violation& examine(const MotionState& nominal, const FilterDecision& decision);
     /** The stop found by the last examine() is now the backup stop. */
     void accept();
 
     /** Replaces a decision by the next tick of the backup stop. */
-    const Finding& followStop(const MotionState& nominal, FilterDecision& decision);
+    const Violation& followStop(const MotionState& nominal, FilterDecision& decision);
     /** True when the backup stop, followed to here, has come to its end. */
     bool atRest(const MotionState& nominal) const;
 
@@ -73,7 +73,7 @@ public:
     const TickRecord::Stop& stop(int joint) const { return reports_[joint]; }
 
     /** "joint2 would pass its upper jerk limit by 3e+05 rad/s^3 ..." */
-    void describe(const Finding& finding, const RobotDescription& robot, char* text, std::size_t size) const;
+    void describe(const Violation& violation, const RobotDescription& robot, char* text, std::size_t size) const;
 
 private:
     using Segments = std::array<GridStop::Segment, GridStop::kSegments>;
@@ -88,7 +88,7 @@ private:
     };
     struct Path;
     /** How near a recovering joint has come, and since when it is not nearer. */
-    struct Way {
+    struct ReturnState {
         double excess = std::numeric_limits<double>::infinity();  ///< of all bounds, in tolerances
         double stop_s = std::numeric_limits<double>::infinity();
         double idle_s = 0.0;
@@ -105,7 +105,7 @@ private:
     void checkDecision(const MotionState& nominal, const FilterDecision& decision, const Plan& plan);
     void checkTickJerk(int joint, double jerk);
     void checkJoint(int joint, const Path& path, bool checksRates, bool checksRest);
-    void keepFinding(Fault fault, int joint, LimitKind limit, LimitSide side, double excess, double tolerance);
+    void keepViolation(Fault fault, int joint, LimitKind limit, LimitSide side, double excess, double tolerance);
     /** The extremes of the backup stop, from `from` on, as bounds where they are beyond the limits. */
     AxisLimits calcBounds(const MotionState& from, int joint) const;
     void loosenBounds(const MotionState& nominal, int joint, const AxisLimits& before);
@@ -122,10 +122,10 @@ private:
     MotionState next_;                                         // where the decision leads to
     std::array<bool, kMaxJoints> isRecovering_{}, isLoose_{};  // loose: bounds_ is not limits_
     std::array<bool, kMaxJoints> fails_{};                     // in the last checkDecision()
-    std::array<Way, kMaxJoints> ways_{};
+    std::array<ReturnState, kMaxJoints> returns_{};
     std::array<TickRecord::Stop, kMaxJoints> reports_{};
-    Finding finding_;
-    double worst_ = 0.0;  // of finding_, in tolerances
+    Violation violation_;
+    double worst_ = 0.0;  // of violation_, in tolerances
 };
 
 }  // namespace viable

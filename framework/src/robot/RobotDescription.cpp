@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "robot/DynamicsCheck.h"
 #include "robot/PoseSampling.h"
@@ -20,7 +20,7 @@ namespace viable {
 namespace {
 
 namespace fs = std::filesystem;
-using detail::Complaints;
+using detail::ErrorList;
 using detail::formatNumber;
 using detail::UrdfRobot;
 
@@ -140,9 +140,9 @@ void readTool(const ConfigNode* node, const UrdfRobot& urdf, const std::string& 
 
 /** `assumed`: keys of the same file. */
 void readAssumed(const ConfigNode& node, const ConfigNode& file, std::vector<std::string>& assumed) {
-    Complaints complaints;
+    ErrorList errors;
     for (const ConfigNode& key : node.items)
-        complaints.gather([&] {
+        errors.collect([&] {
             assumed.push_back(toText(key));
             if (key.text != "assumed" && key.text != "schema" && file.find(key.text)) return;
             std::vector<std::string> keys;
@@ -153,7 +153,7 @@ void readAssumed(const ConfigNode& node, const ConfigNode& file, std::vector<std
                            (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
                                std::string("Name a key of this file, or take it out of the list."));
         });
-    complaints.throwIfAny(node.place());
+    errors.throwIfAny(node.place());
 }
 
 /** What the files of a robot have in common. */
@@ -170,11 +170,11 @@ struct RobotFile {
 
 /** Reads `file` from `root`, as far as it goes, and notes what is assumed. @return  all its keys are known and good */
 template <class File>
-bool readRobotFile(const ConfigNode& root, File& file, RobotDescription& robot, Complaints& complaints) {
+bool readRobotFile(const ConfigNode& root, File& file, RobotDescription& robot, ErrorList& errors) {
     const ConfigNode* const assumed = root.find("assumed");
-    const bool isGood = complaints.gather([&] { readSettings(root, file, robot.size()); });
+    const bool isGood = errors.collect([&] { readSettings(root, file, robot.size()); });
     if (isGood && assumed)  // a misspelt figure may be one of them
-        complaints.gather([&] { readAssumed(*assumed, root, robot.assumed); });
+        errors.collect([&] { readAssumed(*assumed, root, robot.assumed); });
     return isGood;
 }
 
@@ -197,24 +197,24 @@ struct LimitsFile {
     }
     /** URDF knows neither, and leaving one out by oversight would mean no limit at all. */
     void check(const ConfigNode& root) const {
-        Complaints complaints;
+        ErrorList errors;
         for (const char* key : {"acceleration_radps2", "jerk_radps3"})
-            complaints.gather([&] { ConfigMap(root).require(key); });
-        complaints.throwIfAny(root.file);
+            errors.collect([&] { ConfigMap(root).require(key); });
+        errors.throwIfAny(root.file);
     }
 };
 
 void readLimitsFile(const fs::path& path, const UrdfRobot& urdf, RobotDescription& robot) {
     const int n = robot.size();
     const ConfigNode root = readConfigFile(path);
-    Complaints complaints;
+    ErrorList errors;
     LimitsFile file{JointLimits::unlimited(n)};
     file.limits.position = urdf.position;
     file.limits.velocity = urdf.velocity;
-    const bool isGood = readRobotFile(root, file, robot, complaints);
+    const bool isGood = readRobotFile(root, file, robot, errors);
     const ConfigNode* tool = root.find("tool_link");
-    if (tool || isGood) complaints.gather([&] { readTool(tool, urdf, path.string(), robot); });
-    complaints.throwIfAny(path.string());
+    if (tool || isGood) errors.collect([&] { readTool(tool, urdf, path.string(), robot); });
+    errors.throwIfAny(path.string());
     robot.limits = file.limits;
     robot.allowLargeAngles = file.allowLargeAngles;
     robot.home = file.home.expand(n);
@@ -269,10 +269,10 @@ struct ActuationFile {
 
 void readActuationFile(const fs::path& path, RobotDescription& robot) {
     const int n = robot.size();
-    Complaints complaints;
+    ErrorList errors;
     ActuationFile file;
-    readRobotFile(readConfigFile(path), file, robot, complaints);
-    complaints.throwIfAny(path.string());
+    readRobotFile(readConfigFile(path), file, robot, errors);
+    errors.throwIfAny(path.string());
     Actuation& actuation = robot.actuation;
     actuation.gearRatio = file.gearRatio.expand(n);
     actuation.torqueLimit = file.torqueLimit.expand(n);
@@ -366,10 +366,10 @@ RobotDescription loadRobot(const fs::path& folder) {
 
     UrdfRobot urdf = detail::readUrdf(urdfFile);
     robot.joints = urdf.joints;
-    Complaints complaints;
-    complaints.gather([&] { readLimitsFile(limitsFile, urdf, robot); });
-    complaints.gather([&] { readActuationFile(actuationFile, robot); });
-    complaints.throwIfAny(folder.string());
+    ErrorList errors;
+    errors.collect([&] { readLimitsFile(limitsFile, urdf, robot); });
+    errors.collect([&] { readActuationFile(actuationFile, robot); });
+    errors.throwIfAny(folder.string());
     checkCondition(robot, urdfFile.string());
     detail::checkRecursion(robot, ArmRecursion(robot), urdfFile.string());
     return robot;

@@ -50,7 +50,7 @@ struct Extent {
 Extent followStop(AxisState s, GridStop stop, double tick_s) {
     Extent extent(s);
     while (!stop.atRest()) {
-        const double jerk = stop.takeJerk();
+        const double jerk = stop.popJerk();
         extent.seeTick(s, jerk, tick_s);
         s = advance(s, jerk, tick_s);
     }
@@ -217,7 +217,7 @@ TEST(BrakingCertificate, AfterATickItsStopEndsAtRestWithinTheLimits) {
             const GridStop& stop = joint.certificate.stop();
             ASSERT_LE(calcExcess(followStop(joint.s, stop, joint.tick_s), limits), kAllowed) << "tick " << k;
             AxisState end = joint.s;
-            for (GridStop s = stop; !s.atRest();) end = advance(end, s.takeJerk(), joint.tick_s);
+            for (GridStop s = stop; !s.atRest();) end = advance(end, s.popJerk(), joint.tick_s);
             ASSERT_NEAR(end.v, 0.0, 1e-11);
             ASSERT_NEAR(end.a, 0.0, 1e-11);
         }

@@ -68,7 +68,7 @@ struct Arm {
         std::array<GridStop, 3> stops;
         for (int i = 0; i < 3; ++i) stops[i] = braking.stop(i);
         for (int k = 0; k < ticks; ++k) {
-            for (int i = 0; i < 3; ++i) decision.value[i] = stops[i].takeJerk();
+            for (int i = 0; i < 3; ++i) decision.value[i] = stops[i].popJerk();
             move();
         }
         braking.skipTicks(ticks);

@@ -36,7 +36,7 @@ TEST(GridStop, StopsOnTheGridWithinAccelerationAndJerkLimits) {
         const double A = std::max(-l.accelerationLower, l.accelerationUpper);
         const double rounding = 0x1p-52 * ticks * (std::abs(v) + A * (1.0 + ticks * dt));
         while (!plan.atRest()) {
-            const double j = plan.takeJerk();
+            const double j = plan.popJerk();
             ASSERT_GE(j, l.jerkLower * (1 + 1e-11));
             ASSERT_LE(j, l.jerkUpper * (1 + 1e-11));
             s = advance(s, j, dt);
@@ -45,7 +45,7 @@ TEST(GridStop, StopsOnTheGridWithinAccelerationAndJerkLimits) {
         }
         ASSERT_NEAR(s.v, 0.0, rounding);
         ASSERT_NEAR(s.a, 0.0, rounding);
-        ASSERT_EQ(plan.takeJerk(), 0.0);
+        ASSERT_EQ(plan.popJerk(), 0.0);
     }
     std::sort(ratios.begin(), ratios.end());
     RecordProperty("median_ratio_to_fastest_stop", std::to_string(ratios[ratios.size() / 2]));
@@ -91,7 +91,7 @@ TEST(GridStop, AbsurdStatesEndInAPlanToo) {
         GridStop plan;
         plan.plan(v, 0.0, l, 1e-3);
         EXPECT_GT(plan.remainingTicks(), 0);
-        EXPECT_TRUE(std::isfinite(plan.takeJerk()));
+        EXPECT_TRUE(std::isfinite(plan.popJerk()));
     }
 }
 
@@ -104,7 +104,7 @@ TEST(GridStop, AtRestIsEmptyAndFarOutsideStillStops) {
         AxisState s{0, 1.0, a};
         plan.plan(s.v, s.a, l, 1e-3);
         while (!plan.atRest()) {
-            const double j = plan.takeJerk();
+            const double j = plan.popJerk();
             ASSERT_LE(std::abs(j), 10 * (1 + 1e-9));
             s = advance(s, j, 1e-3);
         }

@@ -141,7 +141,7 @@ double calcLeastTime(const AxisState& s, const AxisLimits& l) {
 double calcGridEnd(AxisState s, const AxisLimits& l, double tick_s) {
     GridStop stop;
     stop.plan(s.v, s.a, l, tick_s);
-    while (!stop.atRest()) s = advance(s, stop.takeJerk(), tick_s);
+    while (!stop.atRest()) s = advance(s, stop.popJerk(), tick_s);
     return s.p;
 }
 

@@ -52,7 +52,7 @@ TEST(ArmPath, AgreesWithTheStopsTakenTickByTick) {
             const double half = d.path.duration() / 2.0;
             double travelToHalf = 0.0;
             for (std::int64_t tick = 0; tick < d.path.ticks(); ++tick) {
-                const double jerk = tick == 0 ? d.jerk[i] : stop.takeJerk();
+                const double jerk = tick == 0 ? d.jerk[i] : stop.popJerk();
                 JointVector q, qd, mean;
                 d.path.calcTick(tick, q, qd, mean);
                 ASSERT_NEAR(q[i], s.p, 1e-12);

@@ -165,7 +165,7 @@ struct Begun {
             GridStop& stop = left.stops[static_cast<std::size_t>(i)];
             stop.skip(ticks - 1);
             left.state.qdd[i] = all.calcAcceleration(i, static_cast<double>(ticks) * kTick_s);
-            left.jerk[i] = stop.takeJerk();
+            left.jerk[i] = stop.popJerk();
         }
         return left;
     }

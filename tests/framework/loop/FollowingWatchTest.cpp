@@ -31,8 +31,8 @@ protected:
         asked_ = robust_ = given_ = JointVector::Zero(6);
     }
     Cause update(std::int64_t elapsedTicks = 1) {
-        finding_ = watch_.update(real_, nominal_, {asked_, robust_, given_}, elapsedTicks);
-        return finding_.cause;
+        violation_ = watch_.update(real_, nominal_, {asked_, robust_, given_}, elapsedTicks);
+        return violation_.cause;
     }
     double torqueLimit() const { return arm_.robot.actuation.torqueLimit[2]; }
     /** Time until something is found, at most a second; joint 2 swings about its nominal velocity. */
@@ -79,7 +79,7 @@ protected:
     MotionState nominal_;
     JointState real_;
     JointVector asked_, robust_, given_;
-    FollowingWatch::Finding finding_;
+    FollowingWatch::Violation violation_;
 };
 
 TEST_F(FollowingWatchTest, AJointThatRunsAwayIsSeenAtItsDistance) {
@@ -88,9 +88,9 @@ TEST_F(FollowingWatchTest, AJointThatRunsAwayIsSeenAtItsDistance) {
     EXPECT_EQ(update(), Cause::None);
     real_.q[3] = nominal_.q[3] - 1.001 * allowed;
     EXPECT_EQ(update(), Cause::Drift);
-    EXPECT_EQ(finding_.joint, 3);
-    EXPECT_NEAR(finding_.error, 1.001 * allowed, 1e-12);
-    EXPECT_EQ(finding_.allowed, allowed);
+    EXPECT_EQ(violation_.joint, 3);
+    EXPECT_NEAR(violation_.error, 1.001 * allowed, 1e-12);
+    EXPECT_EQ(violation_.allowed, allowed);
 }
 
 TEST_F(FollowingWatchTest, AMotorAtItsLimitIsTheCause) {
@@ -99,8 +99,8 @@ TEST_F(FollowingWatchTest, AMotorAtItsLimitIsTheCause) {
     for (int tick = 0; tick < 150; ++tick) EXPECT_EQ(update(), Cause::None);
     real_.q[4] += 1.0;
     EXPECT_EQ(update(), Cause::Saturation);
-    EXPECT_EQ(finding_.joint, 4);
-    EXPECT_EQ(finding_.motor, 1);
+    EXPECT_EQ(violation_.joint, 4);
+    EXPECT_EQ(violation_.motor, 1);
     // A weaker motor than is stated gives less than is asked for.
     begin();
     asked_[5] = 10.0;
@@ -108,7 +108,7 @@ TEST_F(FollowingWatchTest, AMotorAtItsLimitIsTheCause) {
     for (int tick = 0; tick < 150; ++tick) update();
     real_.q[4] += 1.0;
     EXPECT_EQ(update(), Cause::Weakness);
-    EXPECT_EQ(finding_.motor, 5);
+    EXPECT_EQ(violation_.motor, 5);
 }
 
 TEST_F(FollowingWatchTest, OscillationIsSeenWithin50Milliseconds) {
@@ -117,8 +117,8 @@ TEST_F(FollowingWatchTest, OscillationIsSeenWithin50Milliseconds) {
             begin();
             if (isAtLimit) asked_[2] = given_[2] = arm_.robot.actuation.torqueLimit[2];
             EXPECT_LE(swing(frequency, isAtLimit ? 3.0 : 12.0), 0.05) << frequency;
-            EXPECT_EQ(finding_.cause, Cause::Oscillation);
-            EXPECT_EQ(finding_.joint, 2);
+            EXPECT_EQ(violation_.cause, Cause::Oscillation);
+            EXPECT_EQ(violation_.joint, 2);
         }
 }
 
@@ -131,8 +131,8 @@ TEST_F(FollowingWatchTest, Fault80OscillationUnderDelayAndLongTicksIsSeen) {
             const double acceleration = 0.5 / (tick_s * (1.0 + delay));  // swings of about 0.5 rad/s
             EXPECT_LE(runLoop(1.4, acceleration, 0.3), 250 * tick_s + 5.0 * watch_.halfPeriod())
                 << tick_s << " " << delay;
-            EXPECT_EQ(finding_.cause, Cause::Oscillation) << tick_s << " " << delay;
-            EXPECT_EQ(finding_.joint, 2);
+            EXPECT_EQ(violation_.cause, Cause::Oscillation) << tick_s << " " << delay;
+            EXPECT_EQ(violation_.joint, 2);
             begin(delay);
             EXPECT_EQ(runLoop(0.7, acceleration, 0.3), kInfinity) << tick_s << " " << delay;
         }
@@ -144,10 +144,10 @@ TEST_F(FollowingWatchTest, Fault80ALimitCycleAtTheTorqueLimitsIsSeenHoweverLittl
         for (const double holding : {0.0, 0.3, -0.6}) {
             begin();
             EXPECT_LE(runLoop(1.5, acceleration, holding), 0.25) << acceleration << " " << holding;
-            EXPECT_EQ(finding_.cause, Cause::Oscillation);
-            EXPECT_EQ(finding_.joint, 2);
-            EXPECT_LT(finding_.error, FollowingWatch::kLeastSwingRadps);
-            EXPECT_EQ(finding_.motor, 2);
+            EXPECT_EQ(violation_.cause, Cause::Oscillation);
+            EXPECT_EQ(violation_.joint, 2);
+            EXPECT_LT(violation_.error, FollowingWatch::kLeastSwingRadps);
+            EXPECT_EQ(violation_.motor, 2);
         }
 }
 
@@ -226,10 +226,10 @@ TEST_F(FollowingWatchTest, ASlideHasItsOwnThresholds) {
     EXPECT_EQ(update(), Cause::None);
     real_.q[2] += 0.02 * FollowingWatch::kLeastErrorM;
     EXPECT_EQ(update(), Cause::Drift);
-    EXPECT_EQ(finding_.joint, 2);
+    EXPECT_EQ(violation_.joint, 2);
     begin();
     EXPECT_LE(swing(100.0, 0.3), 0.05);
-    EXPECT_EQ(finding_.cause, Cause::Oscillation);
+    EXPECT_EQ(violation_.cause, Cause::Oscillation);
     begin();
     EXPECT_EQ(swing(100.0, 0.19), kInfinity);
 }
@@ -294,7 +294,7 @@ TEST_F(FollowingWatchTest, WithoutVelocityLimitsTheRangeCounts) {
     EXPECT_EQ(update(), Cause::None);
     real_.q[0] += 0.02;
     EXPECT_EQ(update(), Cause::Drift);
-    EXPECT_EQ(finding_.joint, 0);
+    EXPECT_EQ(violation_.joint, 0);
 }
 
 }  // namespace

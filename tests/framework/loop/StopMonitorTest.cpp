@@ -108,17 +108,17 @@ TEST(StopMonitor, AgreesWithThePathAtManyPoints) {
             *x *= more;
         const FilterDecision d = makeWithStops(s, 40.0 * unit(random), planned);
         StopMonitor monitor = makeMonitor(limits);
-        const StopMonitor::Finding& finding = monitor.examine(s, d);
+        const StopMonitor::Violation& violation = monitor.examine(s, d);
         const Sampled x = samplePath(s, d);
         const double share = std::max({x.p[1], -x.p[0], std::max(x.v[1], -x.v[0]) / 2.0,
                                        std::max(x.a[1], -x.a[0]) / 10.0, std::max(x.j[1], -x.j[0]) / 40.0});
         if (share > 1.0 + 2.0 * kMonitorShare) {
             ++unsafe;
-            ASSERT_EQ(finding.verdict, StopVerdict::NoStop) << share;
-            ASSERT_EQ(finding.fault, StopMonitor::Fault::Limit);
+            ASSERT_EQ(violation.verdict, StopVerdict::NoStop) << share;
+            ASSERT_EQ(violation.fault, StopMonitor::Fault::Limit);
         } else if (share < 1.0 - 1e-5) {  // 2000 points miss an extreme by less
             ++safe;
-            ASSERT_EQ(finding.verdict, StopVerdict::Safe) << share;
+            ASSERT_EQ(violation.verdict, StopVerdict::Safe) << share;
         }
         const double margin = std::min(1.0 - x.p[1], x.p[0] + 1.0);
         worstMargin = std::max(worstMargin, std::abs(monitor.stop(0).margin - margin));
@@ -144,7 +144,7 @@ TEST(StopMonitor, NamesJointLimitSideAndExcess) {
     const JointLimits limits = makeLimits(1);
     const MotionState rest = makeState(0, 0, 0);
     StopMonitor monitor = makeMonitor(limits);
-    StopMonitor::Finding f = monitor.examine(rest, makeJerk(rest, -50.0));
+    StopMonitor::Violation f = monitor.examine(rest, makeJerk(rest, -50.0));
     EXPECT_EQ(f.verdict, StopVerdict::NoStop);
     EXPECT_EQ(f.limit, LimitKind::Jerk);
     EXPECT_EQ(f.side, LimitSide::Lower);

@@ -81,7 +81,7 @@ public:
     }
     /** A tick without a decision: the stops of the last one go on. */
     void miss() {
-        for (int i = 0; i < arm_.size(); ++i) decision.value[i] = decision.stops[i].takeJerk();
+        for (int i = 0; i < arm_.size(); ++i) decision.value[i] = decision.stops[i].popJerk();
         move();
     }
 
@@ -239,7 +239,7 @@ TEST(CertifiedBraking, HandsOverStopsThatEndAtRestWithinTheLimits) {
         };
         int ticks = 0;
         for (; !ends() && ticks < 5000; ++ticks) {
-            for (int i = 0; i < 6; ++i) stop.value[i] = stop.stops[i].takeJerk();
+            for (int i = 0; i < 6; ++i) stop.value[i] = stop.stops[i].popJerk();
             advanceNominal(stop, arm.tick_s, s);
             excess.observe(stop.value, s, arm.limits);
         }
@@ -362,7 +362,7 @@ struct Extent {
     }
     void follow(AxisState s, GridStop stop, double tick_s) {
         while (!stop.atRest()) {
-            const double jerk = stop.takeJerk();
+            const double jerk = stop.popJerk();
             seeTick(s, jerk, tick_s);
             s = advance(s, jerk, tick_s);
         }

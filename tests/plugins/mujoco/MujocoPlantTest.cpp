@@ -279,7 +279,7 @@ TEST(MujocoModel, ATensorOfNoBodyIsNamedByItsLink) {
     for (const char* part :
          {"link `fore`: the inertia tensor belongs to no body", "0.01, 0.02 and 0.05 kg m^2", "Correct its <inertia>"})
         EXPECT_CONTAINS(fault, part);
-    // MuJoCo's own complaints name the link, too.
+    // MuJoCo's own errors name the link, too.
     EXPECT_CONTAINS(findFault(makeUrdf("ixx='-0.01' iyy='0.02' izz='0.02'", good)), "link `fore`: MuJoCo: ");
     // What is accepted has the tensor of the URDF.
     MujocoModel model(makeUrdf(good, good));

@@ -315,7 +315,7 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
                 Dynamics dynamics;
                 model.calcDynamics(s.q, s.qd, dynamics);
                 JointVector jerk(6);
-                for (std::size_t i = 0; i < 6; ++i) jerk[static_cast<Eigen::Index>(i)] = stops[i].takeJerk();
+                for (std::size_t i = 0; i < 6; ++i) jerk[static_cast<Eigen::Index>(i)] = stops[i].popJerk();
                 FilterDecision next;
                 next.holdJerk(jerk);
                 see(calcTorque({s, dynamics.gravity, dynamics}, FilterStatus::Modified, next));

@@ -166,7 +166,7 @@ cases:
 }
 
 TEST(ExperimentFile, WhatIsToldFollowsFromNothingElseThatIsWrong) {
-    const auto count = [](const std::string& error) {  // of complaints
+    const auto count = [](const std::string& error) {  // of errors
         std::size_t number = 0;
         return std::sscanf(error.c_str(), "%*[^:]: %zu things", &number) == 1 ? number : 1;
     };

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "experiment/ResolvedNodes.h"
 #include "viable/core/Error.h"
 
@@ -13,15 +13,15 @@ std::vector<TickGap> readMissedTicks(const ConfigNode& node, double tick_s, doub
         throw badInput(node.place(), "missed_ticks must be a list",
                        "Write for example `missed_ticks: [{at_s: 3.0, count: 20}]`.");
     std::vector<TickGap> gaps;
-    Complaints complaints;
+    ErrorList errors;
     for (const ConfigNode& item : node.items)
-        complaints.gather([&] {
+        errors.collect([&] {
             GapSettings gap;
             readSettings(item, gap);
             toNumber(*item.find("at_s"), {0.0, duration_s});
             gaps.push_back({std::llround(gap.at_s / tick_s), gap.count});
         });
-    complaints.throwIfAny(node.place());
+    errors.throwIfAny(node.place());
     return gaps;
 }
 

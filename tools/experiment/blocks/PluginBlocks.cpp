@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
 #include "host/PythonClass.h"
@@ -81,7 +81,7 @@ std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader
                        "a list of filters must have 1 to " + std::to_string(kMaxFilters) + " entries, this one has " +
                            std::to_string(node.items.size()),
                        "Write for example `filter: [{plugin: tosbp}, certified_braking]`.");
-    Complaints complaints;
+    ErrorList errors;
     for (const ConfigNode& item : node.items) {
         ConfigNode block = item;
         if (item.kind == ConfigNode::Kind::Scalar) {
@@ -91,9 +91,9 @@ std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader
             block.column = item.column;
             block.keyPath = item.keyPath;
         }
-        complaints.gather([&] { filters.push_back(readPlugin(block, PluginKind::SafetyFilter, loader, joints)); });
+        errors.collect([&] { filters.push_back(readPlugin(block, PluginKind::SafetyFilter, loader, joints)); });
     }
-    complaints.throwIfAny(node.place());
+    errors.throwIfAny(node.place());
     return filters;
 }
 

@@ -2,7 +2,7 @@
 
 #include "config/ConfigText.h"
 #include "config/ParameterText.h"
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "viable/core/Error.h"
 

@@ -46,7 +46,7 @@ public:
     /** The jerk to hold in the next tick; 0 when the stop has ended. */
     double nextJerk() const;
     /** Returns nextJerk() and advances by one tick. */
-    double takeJerk();
+    double popJerk();
     /** Advances by `ticks` >= 0 ticks, at most to the end. */
     void skip(std::int64_t ticks);
 

@@ -32,31 +32,31 @@ std::string listChains(const UrdfTree& tree) {
     return chains.size() > kMostChains ? text + ", ..." : text;
 }
 
-void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Complaints& complaints) {
+void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, ErrorList& errors) {
     const std::string where = document.place(*joint.element);
     const std::string who = "joint " + quoteName(joint.name);
     if (!readOrigin(*joint.element))
-        complaints.add(where, "the origin of " + who + " does not consist of finite numbers",
-                       "Correct its xyz and rpy, three numbers each.");
+        errors.add(where, "the origin of " + who + " does not consist of finite numbers",
+                   "Correct its xyz and rpy, three numbers each.");
     if (!joint.isMoving) return;
     const bool isLimited = joint.type == "revolute" || joint.type == "prismatic";
     if (joint.type == "floating")
-        return complaints.add(where, who + " is of type floating, but the base must be fixed", kKinds);
-    if (joint.type == "planar") return complaints.add(where, who + " is of type planar", kKinds);
+        return errors.add(where, who + " is of type floating, but the base must be fixed", kKinds);
+    if (joint.type == "planar") return errors.add(where, who + " is of type planar", kKinds);
     if (!isLimited && joint.type != "continuous") {
         const std::string closest = findClosestName(joint.type, {"fixed", "revolute", "continuous", "prismatic"});
-        return complaints.add(
+        return errors.add(
             where, who + (joint.type.empty() ? " has no type" : " is of an unknown type, " + quoteName(joint.type)),
             (joint.type.empty() || closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") + kKinds);
     }
     if (const XmlElement* mimic = joint.element->FirstChildElement("mimic"))
-        complaints.add(
+        errors.add(
             where,
             who + " mimics joint " + quoteName(getAttribute(mimic, "joint")) + ", but coupled joints are not supported",
             "Make it fixed, or remove <mimic> to drive it by itself.");
     if (!readAxis(*joint.element))
-        complaints.add(where, "the axis of " + who + " has no direction",
-                       "Give <axis xyz=\"...\"/> three numbers, such as \"0 0 1\".");
+        errors.add(where, "the axis of " + who + " has no direction",
+                   "Give <axis xyz=\"...\"/> three numbers, such as \"0 0 1\".");
     const XmlElement* limit = joint.element->FirstChildElement("limit");
     std::string missing, wrong;
     if (!limit && isLimited) missing = "<limit>";
@@ -66,38 +66,38 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Comp
         if (limit && limit->Attribute(attribute) && !parseNumber(limit->Attribute(attribute)))
             addItem(wrong, quoteName(attribute) + " is \"" + limit->Attribute(attribute) + "\"");
     if (!wrong.empty())
-        complaints.add(where, "in the <limit> of " + who + ", " + wrong + ": no finite number",
-                       "Write a number in radians, metres, newtons or newton metres.");
+        errors.add(where, "in the <limit> of " + who + ", " + wrong + ": no finite number",
+                   "Write a number in radians, metres, newtons or newton metres.");
     if (!missing.empty())
-        complaints.add(where, who + " of type " + joint.type + " has no " + missing + (limit ? " in its <limit>" : ""),
-                       "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
-                       "for an effort or a velocity that is not known: limits.yaml and "
-                       "actuation.yaml give it then.");
+        errors.add(where, who + " of type " + joint.type + " has no " + missing + (limit ? " in its <limit>" : ""),
+                   "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
+                   "for an effort or a velocity that is not known: limits.yaml and "
+                   "actuation.yaml give it then.");
 }
 
 /** The mass that the link's <inertial> states, 0 where it states none. */
-double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, Complaints& complaints) {
+double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, ErrorList& errors) {
     const XmlElement* inertial = link.element->FirstChildElement("inertial");
     if (!inertial) return 0.0;
     const std::string where = document.place(*link.element);
     const std::string name = "link " + quoteName(link.name) + ": ";
     const std::optional<UrdfInertial> read = readInertial(*inertial);
     if (!read) {
-        complaints.add(where, name + "the <inertial> element is incomplete or holds numbers that are not finite",
-                       "It takes <origin xyz=\"...\" rpy=\"...\"/>, <mass value=\"...\"/> and <inertia> with ixx, ixy, "
-                       "ixz, iyy, iyz and izz.");
+        errors.add(where, name + "the <inertial> element is incomplete or holds numbers that are not finite",
+                   "It takes <origin xyz=\"...\" rpy=\"...\"/>, <mass value=\"...\"/> and <inertia> with ixx, ixy, "
+                   "ixz, iyy, iyz and izz.");
         return 1.0;  // unknown, and told
     }
     if (read->mass < 0.0)
-        complaints.add(where, name + "the mass is " + formatNumber(read->mass) + " kg", "A mass is zero or positive.");
+        errors.add(where, name + "the mass is " + formatNumber(read->mass) + " kg", "A mass is zero or positive.");
     else if (read->mass == 0.0 && !read->inertia.isZero(0.0))
-        complaints.add(where, name + "there is an inertia without a mass",
-                       "Give the link its mass, or make all six inertia entries zero.");
+        errors.add(where, name + "there is an inertia without a mass",
+                   "Give the link its mass, or make all six inertia entries zero.");
     else if (const std::string fault = findInertiaFault(read->inertia, false); !fault.empty())
-        complaints.add(where, name + fault,
-                       "Correct <inertia>: URDF takes the tensor about the centre of mass, "
-                       "with ixy = -integral of x y dm; some CAD programs export the other "
-                       "sign, or the tensor about the link's origin.");
+        errors.add(where, name + fault,
+                   "Correct <inertia>: URDF takes the tensor about the centre of mass, "
+                   "with ixy = -integral of x y dm; some CAD programs export the other "
+                   "sign, or the tensor about the link's origin.");
     else
         return read->mass;
     return 1.0;  // a fault of its own, told already
@@ -105,22 +105,22 @@ double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, C
 
 }  // namespace
 
-void checkUrdfTree(UrdfDocument& document, Complaints& complaints) {
+void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
     for (const char* tag : {"joint", "link"}) {
         std::map<std::string, const XmlElement*> first;
         for (const XmlElement* element : document.list(tag)) {
             const std::string name = getAttribute(element, "name");
             if (name.empty()) {
-                complaints.add(document.place(*element), "the " + std::string(tag) + " has no name",
-                               "Add the attribute `name`.");
+                errors.add(document.place(*element), "the " + std::string(tag) + " has no name",
+                           "Add the attribute `name`.");
                 continue;
             }
             const auto [other, isNew] = first.emplace(name, element);
             if (!isNew)
-                complaints.add(document.place(*element),
-                               "there is a second " + std::string(tag) + " " + quoteName(name) +
-                                   "; the first is at line " + std::to_string(other->second->GetLineNum()),
-                               "Give each a name of its own.");
+                errors.add(document.place(*element),
+                           "there is a second " + std::string(tag) + " " + quoteName(name) + "; the first is at line " +
+                               std::to_string(other->second->GetLineNum()),
+                           "Give each a name of its own.");
         }
     }
     const UrdfTree tree(document);
@@ -135,25 +135,24 @@ void checkUrdfTree(UrdfDocument& document, Complaints& complaints) {
             const std::string& link = isChild ? joint.child : joint.parent;
             const std::string tag = isChild ? "child" : "parent";
             if (link.empty())
-                complaints.add(where, who + " names no " + tag + " link", "Add <" + tag + " link=\"...\"/>.");
+                errors.add(where, who + " names no " + tag + " link", "Add <" + tag + " link=\"...\"/>.");
             else if (tree.find.count(link) == 0) {
                 const std::string closest = ++searches > kMostSearches ? "" : findClosestName(link, names);
-                complaints.add(where, "the " + tag + " link " + quoteName(link) + " of " + who + " was not found",
-                               closest.empty() ? "Add the link, or correct its name."
-                                               : "Did you mean " + quoteName(closest) + "?");
+                errors.add(where, "the " + tag + " link " + quoteName(link) + " of " + who + " was not found",
+                           closest.empty() ? "Add the link, or correct its name."
+                                           : "Did you mean " + quoteName(closest) + "?");
             }
         }
         const auto [other, isNew] = carrier.emplace(joint.child, joint.name);
         if (!isNew && !joint.child.empty())
-            complaints.add(where,
-                           "link " + quoteName(joint.child) + " is the child of two joints, " +
-                               quoteName(other->second) + " and " + quoteName(joint.name),
-                           kOpenLoop);
+            errors.add(where,
+                       "link " + quoteName(joint.child) + " is the child of two joints, " + quoteName(other->second) +
+                           " and " + quoteName(joint.name),
+                       kOpenLoop);
     }
     if (tree.links.empty())
-        return complaints.add(document.file(), "the robot has no links",
-                              "A URDF names links, and joints between them.");
-    if (!complaints.isEmpty()) return;  // what hangs together is known only then
+        return errors.add(document.file(), "the robot has no links", "A URDF names links, and joints between them.");
+    if (!errors.isEmpty()) return;  // what hangs together is known only then
     std::vector<bool> isReached(tree.joints.size());
     for (const int j : tree.outwards) isReached[static_cast<std::size_t>(j)] = true;
     const UrdfTree::Link* base = nullptr;
@@ -161,50 +160,48 @@ void checkUrdfTree(UrdfDocument& document, Complaints& complaints) {
         if (link.carrier < 0 && !base) {
             base = &link;
         } else if (link.carrier < 0) {
-            complaints.add(
-                document.place(*link.element),
-                "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
-                "Add the joint that carries it, or remove it.");
+            errors.add(document.place(*link.element),
+                       "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
+                       "Add the joint that carries it, or remove it.");
         } else if (!isReached[static_cast<std::size_t>(link.carrier)]) {
             const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(link.carrier)];
-            complaints.add(document.place(*joint.element),
-                           "joint " + quoteName(joint.name) + " is part of a loop, or hangs on one", kOpenLoop);
+            errors.add(document.place(*joint.element),
+                       "joint " + quoteName(joint.name) + " is part of a loop, or hangs on one", kOpenLoop);
         }
     }
 }
 
-void checkUrdfElements(UrdfDocument& document, Complaints& complaints) {
-    const bool isWhole = complaints.isEmpty();
+void checkUrdfElements(UrdfDocument& document, ErrorList& errors) {
+    const bool isWhole = errors.isEmpty();
     const UrdfTree tree(document);
     int moving = 0;
     for (const UrdfTree::Joint& joint : tree.joints) {
-        checkJoint(document, joint, complaints);
+        checkJoint(document, joint, errors);
         moving += joint.isMoving ? 1 : 0;
     }
     const std::vector<bool> isMoved = tree.findMoved();
     std::vector<bool> hasMass(tree.links.size());
     for (std::size_t i = 0; i < tree.links.size(); ++i)
-        if (isMoved[i]) hasMass[i] = checkInertial(document, tree.links[i], complaints) > 0.0;
+        if (isMoved[i]) hasMass[i] = checkInertial(document, tree.links[i], errors) > 0.0;
     const std::vector<bool> carriesMass = tree.findCarried(hasMass);
     for (const int j : tree.outwards) {
         const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(j)];
         if (!joint.isMoving || carriesMass[static_cast<std::size_t>(j)]) continue;
-        complaints.add(document.place(*tree.links[static_cast<std::size_t>(joint.childLink)].element),
-                       "link " + quoteName(joint.child) + ", moved by joint " + quoteName(joint.name) + ", has no mass",
-                       "Give it an <inertial> element with mass and inertia, or make the joint fixed.");
+        errors.add(document.place(*tree.links[static_cast<std::size_t>(joint.childLink)].element),
+                   "link " + quoteName(joint.child) + ", moved by joint " + quoteName(joint.name) + ", has no mass",
+                   "Give it an <inertial> element with mass and inertia, or make the joint fixed.");
     }
     if (!isWhole) return;  // how many joints there are is open
     if (moving == 0)
-        complaints.add(document.file(), "the robot has no moving joint",
-                       "At least one revolute, continuous or prismatic joint is needed.");
+        errors.add(document.file(), "the robot has no moving joint",
+                   "At least one revolute, continuous or prismatic joint is needed.");
     if (moving > kMaxJoints)
-        complaints.add(
-            document.file(),
-            "the robot has " + std::to_string(moving) + " moving joints; at most " + std::to_string(kMaxJoints) +
-                " are supported",
-            "Take one chain: `viable new robot NAME --urdf FILE --tip LINK` freezes the other joints. Chains "
-            "end at (moving joints from the base): " +
-                listChains(tree) + ".");
+        errors.add(document.file(),
+                   "the robot has " + std::to_string(moving) + " moving joints; at most " + std::to_string(kMaxJoints) +
+                       " are supported",
+                   "Take one chain: `viable new robot NAME --urdf FILE --tip LINK` freezes the other joints. Chains "
+                   "end at (moving joints from the base): " +
+                       listChains(tree) + ".");
 }
 
 }  // namespace viable::detail

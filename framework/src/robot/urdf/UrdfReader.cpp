@@ -160,16 +160,16 @@ private:
             BodyInertia& body = robot.joints[itself.carrier].body;
             body = mergeBodies(body, transformBody(place.placement, itself.body));
         }
-        Complaints complaints;
+        ErrorList errors;
         for (const JointDescription& joint : robot.joints) {
             const std::string fault = findInertiaFault(joint.body.inertia, true);
             if (!fault.empty())
-                complaints.add(document_.place(*tree_.links[tree_.find.at(joint.childLink)].element),
-                               "link " + quoteName(joint.childLink) + ", moved by joint " + quoteName(joint.name) +
-                                   ", cannot be simulated: " + fault,
-                               "Correct its <inertia>, and that of the links fixed to it.");
+                errors.add(document_.place(*tree_.links[tree_.find.at(joint.childLink)].element),
+                           "link " + quoteName(joint.childLink) + ", moved by joint " + quoteName(joint.name) +
+                               ", cannot be simulated: " + fault,
+                           "Correct its <inertia>, and that of the links fixed to it.");
         }
-        complaints.throwIfAny(document_.file());
+        errors.throwIfAny(document_.file());
     }
 
     /** The link's visual and collision elements. What has no sensible size is left out. */
@@ -246,17 +246,17 @@ private:
 
 }  // namespace
 
-UrdfRobot readUrdf(UrdfDocument& document, Complaints complaints) {
-    checkUrdfElements(document, complaints);
-    complaints.throwIfAny(document.file());
+UrdfRobot readUrdf(UrdfDocument& document, ErrorList errors) {
+    checkUrdfElements(document, errors);
+    errors.throwIfAny(document.file());
     return UrdfFileReader(document).read();
 }
 
 UrdfRobot readUrdf(const std::filesystem::path& file) {
     UrdfDocument document(file);
-    Complaints complaints;
-    checkUrdfTree(document, complaints);
-    return readUrdf(document, complaints);
+    ErrorList errors;
+    checkUrdfTree(document, errors);
+    return readUrdf(document, errors);
 }
 
 }  // namespace viable::detail

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "robot/LinkShapes.h"
 #include "robot/urdf/UrdfDocument.h"
 #include "viable/robot/RobotDescription.h"
@@ -48,7 +48,7 @@ struct UrdfRobot {
 fault. Limits are handed on as written; the caller checks those it uses. */
 UrdfRobot readUrdf(const std::filesystem::path& file);
 
-/** The same of a document. @param complaints  of checkUrdfTree(), told with those found here */
-UrdfRobot readUrdf(UrdfDocument& document, Complaints complaints);
+/** The same of a document. @param errors  of checkUrdfTree(), told with those found here */
+UrdfRobot readUrdf(UrdfDocument& document, ErrorList errors);
 
 }  // namespace viable::detail

@@ -46,17 +46,17 @@ void setVector(XmlElement& element, const char* name, const Eigen::Vector3d& v) 
 
 class Repair {
 public:
-    Repair(UrdfDocument& document, const UrdfChoice& choice, Complaints& complaints)
-        : document_(document), tree_(document), choice_(choice), complaints_(complaints) {}
+    Repair(UrdfDocument& document, const UrdfChoice& choice, ErrorList& errors)
+        : document_(document), tree_(document), choice_(choice), errors_(errors) {}
 
     std::vector<std::string> run() {
-        const bool isWhole = complaints_.isEmpty();
+        const bool isWhole = errors_.isEmpty();
         for (std::size_t j = 0; j < tree_.joints.size(); ++j)
             byName_.emplace(tree_.joints[j].name, static_cast<int>(j));
         readChoice();
         findRests();
         for (const auto& [j, value] : fixed_) freezeAndNote(joint(j), "--fix");
-        if (isWhole && complaints_.isEmpty()) freezeOutsideOfChain();
+        if (isWhole && errors_.isEmpty()) freezeOutsideOfChain();
         freezeCoupled();
         freezeGrippers();
         freezeWeightless();
@@ -89,9 +89,9 @@ private:
         std::vector<std::string> names;
         for (const UrdfTree::Link& known : tree_.links) names.push_back(known.name);
         const std::string closest = findClosestName(name, names);
-        complaints_.add(option, "the robot has no link " + quoteName(name),
-                        (closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") + "Its links are " +
-                            listSome(names) + ".");
+        errors_.add(option, "the robot has no link " + quoteName(name),
+                    (closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") + "Its links are " +
+                        listSome(names) + ".");
         return -1;
     }
 
@@ -108,7 +108,7 @@ private:
                 if (isBelow[static_cast<std::size_t>(joint(j).parentLink)])
                     below_[static_cast<std::size_t>(j)] = isBelow[static_cast<std::size_t>(joint(j).childLink)] = true;
             if (tip >= 0 && !isBelow[static_cast<std::size_t>(tip)])
-                complaints_.add(
+                errors_.add(
                     "--tip", "link " + quoteName(choice_.tip) + " does not hang on the base " + quoteName(choice_.base),
                     "Name a base on the way to the tip" +
                         std::string(onTip_.empty() ? "."
@@ -117,8 +117,7 @@ private:
         if (tip >= 0 && std::none_of(onTip_.begin(), onTip_.end(), [&](int j) {
                 return joint(j).isMoving && (below_.empty() || below_[static_cast<std::size_t>(j)]);
             }))
-            complaints_.add("--tip", "no joint moves link " + quoteName(choice_.tip),
-                            "Name a link at the end of the arm.");
+            errors_.add("--tip", "no joint moves link " + quoteName(choice_.tip), "Name a link at the end of the arm.");
         for (const std::string& text : choice_.fixed) readFixed(text);
     }
 
@@ -131,31 +130,31 @@ private:
             for (const UrdfTree::Joint& known : tree_.joints)
                 if (known.isMoving) names.push_back(known.name);
             const std::string closest = findClosestName(name, names);
-            return complaints_.add("--fix", "the robot has no joint " + quoteName(name),
-                                   (closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") +
-                                       "Its moving joints are " + listSome(names) + ".");
+            return errors_.add("--fix", "the robot has no joint " + quoteName(name),
+                               (closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") +
+                                   "Its moving joints are " + listSome(names) + ".");
         }
         if (!joint(j).isMoving)
-            return complaints_.add("--fix", "joint " + quoteName(name) + " is fixed already", "Leave it out.");
+            return errors_.add("--fix", "joint " + quoteName(name) + " is fixed already", "Leave it out.");
         if (fixed_.count(j) > 0)
-            return complaints_.add("--fix", "joint " + quoteName(name) + " is named twice", "Name it once.");
+            return errors_.add("--fix", "joint " + quoteName(name) + " is named twice", "Name it once.");
         std::optional<double> value;  // as at rest
         if (name != text && (joint(j).type == "floating" || joint(j).type == "planar"))
-            return complaints_.add("--fix",
-                                   "joint " + quoteName(name) + " of type " + joint(j).type + " has no single position",
-                                   "Write --fix " + name + ": it stays where its <origin> puts it.");
+            return errors_.add("--fix",
+                               "joint " + quoteName(name) + " of type " + joint(j).type + " has no single position",
+                               "Write --fix " + name + ": it stays where its <origin> puts it.");
         if (name != text) {
             const std::optional<double> given = parseNumber(text.substr(sign + 1));
             double lower, upper;
             if (!given)
-                return complaints_.add("--fix",
-                                       "`" + text.substr(sign + 1) + "` is no position for joint " + quoteName(name),
-                                       "Write --fix " + name + "=0.5, in radians or metres.");
+                return errors_.add("--fix",
+                                   "`" + text.substr(sign + 1) + "` is no position for joint " + quoteName(name),
+                                   "Write --fix " + name + "=0.5, in radians or metres.");
             if (readRange(joint(j), lower, upper) && (*given < lower || *given > upper))
-                return complaints_.add("--fix",
-                                       "joint " + quoteName(name) + " cannot be at " + formatNumber(*given) +
-                                           ": its limits are " + formatNumber(lower) + " to " + formatNumber(upper),
-                                       "Choose a position inside them.");
+                return errors_.add("--fix",
+                                   "joint " + quoteName(name) + " cannot be at " + formatNumber(*given) +
+                                       ": its limits are " + formatNumber(lower) + " to " + formatNumber(upper),
+                                   "Choose a position inside them.");
             value = *given;
         }
         fixed_[j] = value;
@@ -197,7 +196,7 @@ private:
             rest_[static_cast<int>(j)] = rest.value_or(0.0);
             if (rest) continue;
             const std::string leader = getAttribute(joint.element->FirstChildElement("mimic"), "joint");
-            complaints_.add(
+            errors_.add(
                 place(joint),
                 "joint " + quoteName(joint.name) + " mimics joint " + quoteName(leader) +
                     (findJoint(leader) < 0 ? ", which is not there"
@@ -393,7 +392,7 @@ private:
     UrdfDocument& document_;
     UrdfTree tree_;
     const UrdfChoice& choice_;
-    Complaints& complaints_;
+    ErrorList& errors_;
     std::vector<std::string> notes_;
     std::map<std::string, int> byName_;           ///< joints
     std::map<int, std::optional<double>> fixed_;  ///< joints of --fix, and where
@@ -406,8 +405,8 @@ private:
 
 }  // namespace
 
-std::vector<std::string> repairUrdf(UrdfDocument& document, const UrdfChoice& choice, Complaints& complaints) {
-    return Repair(document, choice, complaints).run();
+std::vector<std::string> repairUrdf(UrdfDocument& document, const UrdfChoice& choice, ErrorList& errors) {
+    return Repair(document, choice, errors).run();
 }
 
 }  // namespace viable::detail

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 #include "robot/urdf/UrdfDocument.h"
 
 namespace viable::detail {
@@ -22,8 +22,8 @@ struct UrdfChoice {
 gripper's joints, and end joints that move no mass become fixed where they are; inertias that miss the triangle inequality
 by less than 5 % are corrected; limits that are missing become blanks (zeros). What cannot be mended is left to
 checkUrdfElements().
-@param complaints  of checkUrdfTree(): of an unsound tree no chain is chosen. Gets what cannot be chosen so
+@param errors  of checkUrdfTree(): of an unsound tree no chain is chosen. Gets what cannot be chosen so
 @return what was changed, one sentence each; empty: the document is as it was */
-std::vector<std::string> repairUrdf(UrdfDocument& document, const UrdfChoice& choice, Complaints& complaints);
+std::vector<std::string> repairUrdf(UrdfDocument& document, const UrdfChoice& choice, ErrorList& errors);
 
 }  // namespace viable::detail

@@ -1,4 +1,4 @@
-#include "core/Complaints.h"
+#include "core/ErrorList.h"
 
 #include <algorithm>
 
@@ -6,30 +6,30 @@
 
 namespace viable::detail {
 
-class Complaints::List : public Error {
+class ErrorList::List : public Error {
 public:
-    List(const std::string& subject, const std::string& text, std::vector<Complaint> complaints)
-        : Error(ErrorKind::BadInput, subject, text), complaints_(std::move(complaints)) {}
-    const std::vector<Complaint>& complaints() const { return complaints_; }
+    List(const std::string& subject, const std::string& text, std::vector<Entry> errors)
+        : Error(ErrorKind::BadInput, subject, text), errors_(std::move(errors)) {}
+    const std::vector<Entry>& errors() const { return errors_; }
 
 private:
-    std::vector<Complaint> complaints_;
+    std::vector<Entry> errors_;
 };
 
-void Complaints::add(const std::string& where, const std::string& what, const std::string& remedy) {
+void ErrorList::add(const std::string& where, const std::string& what, const std::string& remedy) {
     if (told_.emplace(where, what).second) all_.push_back({where, what, remedy});
 }
 
-void Complaints::add(const Error& error) {
+void ErrorList::add(const Error& error) {
     if (const auto* list = dynamic_cast<const List*>(&error)) {
-        for (const Complaint& complaint : list->complaints()) add(complaint.where, complaint.what, complaint.remedy);
+        for (const Entry& entry : list->errors()) add(entry.where, entry.what, entry.remedy);
         return;
     }
     const ErrorParts parts = getParts(error);
     add(parts.place, parts.cause, parts.remedy);
 }
 
-void Complaints::throwIfAny(const std::string& subject) const {
+void ErrorList::throwIfAny(const std::string& subject) const {
     if (all_.empty() && other_) std::rethrow_exception(other_);
     if (all_.empty()) return;
     if (all_.size() == 1) throw badInput(all_[0].where, all_[0].what, all_[0].remedy);

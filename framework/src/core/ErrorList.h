@@ -12,7 +12,7 @@
 namespace viable::detail {
 
 /** What is wrong with one file or request, told together: who mends it wants all of it at once. */
-class Complaints {
+class ErrorList {
 public:
     /** The arguments of badInput(). What is told already, as of a block that several cases share, is not told again. */
     void add(const std::string& where, const std::string& what, const std::string& remedy = {});
@@ -20,7 +20,7 @@ public:
     /** Calls `reading` and keeps what it throws, so that the next can be looked at, too: BadInput as one complaint or
     several, of anything else the first. @return  true: it threw nothing */
     template <class Reading>
-    bool gather(const Reading& reading) {
+    bool collect(const Reading& reading) {
         try {
             reading();
             return true;
@@ -46,7 +46,7 @@ public:
 
 private:
     static constexpr std::size_t kMostTold = 100;  // more are no help
-    struct Complaint {
+    struct Entry {
         std::string where, what, remedy;
     };
     class List;  // several, thrown
@@ -56,7 +56,7 @@ private:
         if (!other_) other_ = std::current_exception();
     }
 
-    std::vector<Complaint> all_;
+    std::vector<Entry> all_;
     std::set<std::pair<std::string, std::string>> told_;  ///< where and what
     std::exception_ptr other_;
 };
