@@ -14,9 +14,10 @@
 
 namespace viable::detail {
 
-/** `payload` and `disturbance_set`: blocks of sizes. */
-Parameters readPayload(const ConfigNode& block, int joints);
-RobotDescription addPayload(RobotDescription robot, const Parameters& payload);
+/** `payload_kg` and `payload_offset_m`; none: neither is there. @param experiment  with all keys of the case */
+std::optional<Parameters> readPayload(const ConfigNode& experiment);
+
+/** `disturbance_set`, a block of sizes. */
 Parameters readDisturbances(const ConfigNode& block, int joints);
 
 /** `stream`, which needs no more than a sample a tick. */

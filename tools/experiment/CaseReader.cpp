@@ -66,7 +66,8 @@ ConfigNode resolveCase(const CasePlan& plan, const std::string& title, const Con
     }
     if (plan.disturbances) add("disturbance_set", plan.disturbances->resolved());
     if (!plan.missedTicks.empty()) add("missed_ticks", resolveMissedTicks(plan.missedTicks, plan.tick_s));
-    if (plan.payload) add("payload", plan.payload->resolved());
+    if (plan.payload)
+        for (const auto& [key, value] : plan.payload->resolved().entries) add(key.c_str(), value);
     if (plan.hasOwnSpeedLimits || plan.robot.speedLimits.isAny())
         add("speed_limits", resolveSpeedLimits(plan.robot.speedLimits));
     if (environment) add("environment", resolveEnvironment(*environment, *plan.environment));
@@ -99,9 +100,11 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     if (plan.robot.size() == 0) errors.throwIfAny(node.file);  // the others are read by it
     const int joints = plan.robot.size();
 
-    map.readOptional("payload", [&](const ConfigNode& block) {
-        plan.payload = readPayload(block, joints);
-        plan.robot = addPayload(plan.robot, *plan.payload);
+    errors.collect([&] {
+        plan.payload = readPayload(node);
+        if (!plan.payload) return;
+        const auto payload = plan.payload->get<PayloadSettings>();
+        plan.robot = withPayload(plan.robot, payload.mass_kg, payload.offset);
     });
     const bool hasTick = map.isSure("tick_s") && errors.collect([&] { plan.tick_s = readTick(map.find("tick_s")); });
     if (hasTick) {

@@ -13,7 +13,7 @@ struct ExperimentSettings {
     int schema = 1;
     std::string title, robot, command, controller, filter, robustLoop, realPlant, cases;
     double duration_s = 0.0, tick_s = 0.001;
-    std::optional<PayloadSettings> payload;
+    PayloadSettings payload;
     LimitSettings limits;
     StartSettings start;
     std::optional<EnvironmentSettings> environment;
@@ -33,10 +33,7 @@ struct ExperimentSettings {
             .upTo(24.0 * 3600.0)
             .required();
         v(tick_s, "tick_s", "s", "Length of a tick.").atLeast(kShortestTick_s).upTo(kLongestTick_s);
-        v(payload, "payload",
-          "A point mass fixed to the tool that the nominal arm knows: model, filter and real arm have it. A plant's "
-          "own "
-          "payload_kg comes on top of it.");
+        payload.describe(v);
         v(limits, "limits", "Limits over the robot's own; \"no limit\" is .inf.");
         v(start, "start", "State at the start.");
         v(environment, "environment",

@@ -40,8 +40,12 @@ struct PayloadSettings {
 
     template <class V>
     void describe(V& v) {
-        v(mass_kg, "mass_kg", "kg", "Its mass.").atLeast(0).upTo(1000).required();
-        v(offset, "offset_m", "m", "Its place in the tool frame: x, y, z.").atLeast(-10).upTo(10);
+        v(mass_kg, "payload_kg", "kg",
+          "A point mass fixed to the tool that the nominal arm knows: model, filter and real arm have it. A plant's "
+          "own payload_kg comes on top of it.")
+            .atLeast(0)
+            .upTo(1000);
+        v(offset, "payload_offset_m", "m", "Where that is, in the tool frame: x, y, z.").atLeast(-10).upTo(10);
     }
 };
 

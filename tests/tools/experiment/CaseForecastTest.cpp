@@ -105,7 +105,7 @@ TEST(Forecast, OfEveryExperimentOfTheProjectWarnsOfNothing) {
 }
 
 TEST(Fault81, MotorsThatCannotHoldTheStartAreNamedWithJointPoseAndShare) {
-    const std::vector<std::string> heavy = {"payload.mass_kg=60"};
+    const std::vector<std::string> heavy = {"payload_kg=60"};
     const CaseForecast told = forecast(heavy);
     ASSERT_EQ(told.warnings.size(), 2u) << joinWarnings(told);
     // By another route: the torque that holds the arm, from the energy of the pose.
@@ -151,7 +151,7 @@ TEST(Fault81, MotorsThatCannotCarryTheLimitsAreNamedWithWhatTheyCarry) {
 
 TEST(Fault81, AStartThatTheFilterCannotCarryIsRefusedWithJointAndPose) {
     expectContains(catchError([] {
-                       forecast({"payload.mass_kg=60", "filter={plugin: whole_arm_braking, torque_share: 0.9}"});
+                       forecast({"payload_kg=60", "filter={plugin: whole_arm_braking, torque_share: 0.9}"});
                    }),
                    {"needs 153 % of the torque that joint3 may use",
                     "Nm in the pose [0, -0.262, -1.57, 0, -1.31, 0], 0 s", "torque_share"});

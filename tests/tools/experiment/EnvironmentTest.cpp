@@ -116,7 +116,7 @@ TEST(EnvironmentKeys, PluginsAreToldOfArmAndSurroundings) {
 }
 
 TEST(Payload, IsOneThatTheModelKnows) {
-    const Experiment e = readTestExperiment(kOneJoint, {"payload={mass_kg: 2, offset_m: [0.5, 0, 0]}"});
+    const Experiment e = readTestExperiment(kOneJoint, {"payload_kg=2", "payload_offset_m=[0.5, 0, 0]"});
     RobotModel model(e.cases[0].robot);
     Dynamics dynamics;
     model.calcDynamics(JointVector::Zero(1), JointVector::Zero(1), dynamics);
@@ -129,7 +129,7 @@ TEST(Payload, IsOneThatTheModelKnows) {
 TEST(Payload, ThePlantsOwnComesOnTop) {
     const auto calcError = [](const std::string& nominal, const std::string& plant) {
         const Experiment e =
-            readTestExperiment(kOneJoint, {"payload.mass_kg=" + nominal, "robust_loop={plugin: none}",
+            readTestExperiment(kOneJoint, {"payload_kg=" + nominal, "robust_loop={plugin: none}",
                                            "real_plant={plugin: simbody, encoder: exact, payload_kg: " + plant + "}"});
         return runCase(configureCase(e.cases[0]), {}).summary.trackingMax();
     };
@@ -142,7 +142,7 @@ TEST(Payload, ThePlantsOwnComesOnTop) {
 TEST(Payload, ChangesTheTrackingBound) {
     const auto findTorque = [](const std::string& mass) {
         const Experiment e = readTestExperiment(
-            kOneJoint, {"payload.mass_kg=" + mass, "robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}",
+            kOneJoint, {"payload_kg=" + mass, "robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}",
                         "real_plant={plugin: simbody}", "disturbance_set={}"});
         return configureTracking(e.cases[0])->bound->lastingTorque[0];
     };
@@ -151,15 +151,15 @@ TEST(Payload, ChangesTheTrackingBound) {
 }
 
 TEST(Payload, NonsenseIsRefused) {
-    const auto errorOf = [](const std::string& payload) {
-        return catchError([&] { readTestExperiment(kOneJoint, {"payload=" + payload}); });
+    const auto errorOf = [](const std::vector<std::string>& payload) {
+        return catchError([&] { readTestExperiment(kOneJoint, payload); });
     };
-    expectContains(errorOf("{mass_kg: -1}"), {"payload.mass_kg", "[0, 1000]"});
-    expectContains(errorOf("{offset_m: [0, 0, 1]}"), {"payload", "`mass_kg` [kg] is missing"});
-    expectContains(errorOf("{mass_kg: 1, offset_m: [0, 1]}"), {"payload.offset_m", "3"});
-    expectContains(errorOf("{mass_kg: 1, mass: 2}"), {"payload.mass"});
-    expectContains(errorOf("{mass_kg: 1, offset_m: [1e200, 0, 0]}"), {"payload.offset_m", "[-10, 10]"});
-    expectContains(errorOf("{plugin: nric}"), {"payload is no plugin", "mass_kg: 1.5"});
+    expectContains(errorOf({"payload_kg=-1"}), {"payload_kg", "[0, 1000]"});
+    expectContains(errorOf({"payload_kg=1", "payload_offset_m=[0, 1]"}), {"payload_offset_m", "3"});
+    expectContains(errorOf({"payload_mass=2"}), {"payload_mass", "Did you mean `payload_kg`"});
+    expectContains(errorOf({"payload_kg=1", "payload_offset_m=[1e200, 0, 0]"}), {"payload_offset_m", "[-10, 10]"});
+    expectContains(errorOf({"payload={mass_kg: 1}"}),
+                   {"payload", "Did you mean `payload_kg`? A key carries its unit."});
 }
 
 TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {

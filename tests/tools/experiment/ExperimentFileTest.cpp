@@ -174,10 +174,9 @@ TEST(ExperimentFile, WhatIsToldFollowsFromNothingElseThatIsWrong) {
     const std::string misspelt = errorOf(kOneJoint, {"tick_s=0.1", "limts={jerk_radps3: 20, acceleration_radps2: 2}"});
     expectContains(misspelt, {"limts", "Did you mean `limits`"});
     EXPECT_EQ(count(misspelt), 1u) << misspelt;
-    const std::string others = errorOf(
-        kOneJoint, {"tick_s=x", "payload={mass_kg: -1}", "start.foo=1", "start.velocity=1", "filter.plugin=nix"});
-    expectContains(others,
-                   {"tick_s:", "payload.mass_kg:", "start.foo:", "start.velocity:", "`velocity_radps`", "'nix'"});
+    const std::string others =
+        errorOf(kOneJoint, {"tick_s=x", "payload_kg=-1", "start.foo=1", "start.velocity=1", "filter.plugin=nix"});
+    expectContains(others, {"tick_s:", "payload_kg:", "start.foo:", "start.velocity:", "`velocity_radps`", "'nix'"});
     EXPECT_EQ(count(others), 5u) << others;
     // A key that no case has is not the fault of one of them.
     std::string yaml = kOneJoint;

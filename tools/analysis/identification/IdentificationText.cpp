@@ -99,8 +99,8 @@ std::string writePayload(const PayloadIdentification& payload) {
     text += "\n";
     const std::string mass = formatFigure(payload.mass.value, payload.mass.deviation);
     if (payload.mass.value > 0.0)
-        text += "               tell an experiment: payload: {mass_kg: " + mass + ", offset_m: [" + offset +
-                "]}, on top of what it says now; or add it to the tool's <inertial> in the URDF\n";
+        text += "               tell an experiment: payload_kg: " + mass + ", payload_offset_m: [" + offset +
+                "], on top of what it says now; or add it to the tool's <inertial> in the URDF\n";
     else
         text +=
             "               the model carries too much: take it from the payload of the experiment "

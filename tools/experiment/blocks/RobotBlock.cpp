@@ -6,9 +6,14 @@ RobotDescription readRobot(const ConfigNode& name, const std::vector<std::filesy
     return loadRobot(findRobot(toText(name), robotPath, name.place()));
 }
 
-RobotDescription addPayload(RobotDescription robot, const Parameters& payload) {
-    const auto settings = payload.get<PayloadSettings>();
-    return withPayload(std::move(robot), settings.mass_kg, settings.offset);
+std::optional<Parameters> readPayload(const ConfigNode& experiment) {
+    ConfigNode own = experiment;
+    own.entries.clear();
+    const std::vector<ParameterSpec>& specs = settingsOf<PayloadSettings>();
+    for (const ParameterSpec& spec : specs)
+        if (const ConfigNode* value = experiment.find(spec.name)) own.entries.emplace_back(spec.name, *value);
+    if (own.entries.empty()) return {};
+    return readParameters(own, specs.data(), specs.size(), 0);
 }
 
 }  // namespace viable::detail

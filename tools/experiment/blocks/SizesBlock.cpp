@@ -46,8 +46,4 @@ Parameters readStream(const ConfigNode& block, double tick_s) {
     return stream;
 }
 
-Parameters readPayload(const ConfigNode& block, int joints) {
-    return readSizes<PayloadSettings>(block, "payload", "{mass_kg: 1.5, offset_m: [0, 0, 0.1]}", joints);
-}
-
 }  // namespace viable::detail
