@@ -19,7 +19,7 @@ run() {
 }
 case "$which" in
   release) run release all release all "$@" ;;
-  ci) run release all release ci "$@" ;;
+  ci) run release all ci ci "$@" ;;
   asan) run asan all asan ci "$@" ;;
   tsan) run tsan threads_test tsan all "$@" ;;
   nightly)
