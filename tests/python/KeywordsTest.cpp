@@ -72,6 +72,7 @@ TEST_F(OneLine, IsReadAndTheSchemaAndTheTablesHaveIt) {
 
     EXPECT_EQ(run("Gripper(force=60).force"), "60.0");
     EXPECT_EQ(run("Gripper().force"), "40.0");
+    EXPECT_EQ(run("[x for x in (1 / 3, 2**0.5, 139.99999999999997, 1e-300, 7) if Gripper(force=x).force != x]"), "[]");
     EXPECT_EQ(run("Gripper.__doc__"),
               "Closes.\n\n  force [N]: number in (0, 140]; default 40\n      How hard the gripper closes.\n");
     EXPECT_EQ(run("Gripper.__init__.__doc__"), "__init__(self, *, force: float = 40) -> None");

@@ -191,7 +191,7 @@ class Guards(unittest.TestCase):
                 ({"gamma": None}, "gamma: .* empty"), ({"gamma": "fast"}, "gamma: "), ({"gamma": object()}, "gamma: "),
                 ({"gamma": np.nan}, "gamma: `?.nan`? is not a number"), ({"gamma": 2j}, "gamma: "),
                 ({"recovery": "yes"}, "recovery: must be `true` or `false`"),
-                ({"k_alfa": 5, "gamma": -1, "limits": [1]}, r"3 things are wrong:(.|\n)*a list are no(.|\n)*k_alpha(.|\n)*-1 is out"),
+                ({"k_alfa": 5, "gamma": -1, "limits": [1]}, rf"3 things are wrong:(.|\n)*{name}: limits: a list are no(.|\n)*k_alpha(.|\n)*-1 is out"),
             ):
                 with self.subTest(make=name, keywords=keywords), self.assertRaisesRegex(viable.InputError, cause):
                     make(self.robot, **keywords)

@@ -25,13 +25,13 @@ Keywords makeBatchKeywords(ArmBatchOptions& options) {
     keywords.addObject("environment", "Mapping[str, Any]|None",
                        "What stands around each arm, as `environment` of an experiment file; {}: nothing but itself. "
                        "None: not looked at.",
-                       [&options](const py::handle& value) {
-                           options.environment = readEnvironment(makeNode(value, "Batch: environment"));
+                       [&options](const py::handle& value, const std::string& place) {
+                           options.environment = readEnvironment(makeNode(value, place));
                        });
     keywords.addObject("plant", "Mapping[str, Any]|None",
                        "A simulated real arm behind each nominal one, as `real_plant` of an experiment file. "
                        "None: nominal arms alone, four times as fast.",
-                       [&options](const py::handle& value) {
+                       [&options](const py::handle& value, const std::string&) {
                            py::dict block;
                            block["plugin"] = "simbody";
                            block.attr("update")(value);

@@ -56,8 +56,7 @@ ConfigNode makeNode(const py::handle& value, const std::string& place) {
     return node;
 }
 
-void Keywords::addObject(const char* name, const char* type, const char* help,
-                         std::function<void(const py::handle&)> take) {
+void Keywords::addObject(const char* name, const char* type, const char* help, Take take) {
     Object& object = objects_.emplace_back(Object{name, "", std::move(take)});
     list_(object.unused, name, type, help);  // so it is known to the reader and stands in the table
 }
@@ -86,7 +85,7 @@ void Keywords::read(const std::string& owner, const py::kwargs& given, int joint
         if (spec != specs.end() && value.is_none() && isOptional(*spec)) continue;
         const Object* const object = findObject(name);
         if (object)
-            errors.collect([&, &value = value] { object->take(value); });
+            errors.collect([&, &value = value] { object->take(value, owner + ": " + name); });
         else if (spec != specs.end() && spec->type == ParameterType::Flag && PyLong_Check(value.ptr()))
             settings[key] = py::bool_(PyObject_IsTrue(value.ptr()) == 1);  // 0 and 1, too
         else

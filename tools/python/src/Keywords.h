@@ -27,9 +27,10 @@ public:
     ParameterSpec& operator()(T& member, const char* name, const char* help) {
         return list_(member, name, help);
     }
-    /** A keyword for what is no setting, None where it is left out.
-    @param type  in Python, with "|None". @param take  is called with what was given */
-    void addObject(const char* name, const char* type, const char* help, std::function<void(const py::handle&)> take);
+    /** Takes what was given. @param place  in messages, such as "Guard: limits" */
+    using Take = std::function<void(const py::handle& value, const std::string& place)>;
+    /** A keyword for what is no setting, None where it is left out. @param type  in Python, with "|None" */
+    void addObject(const char* name, const char* type, const char* help, Take take);
 
     /** Fills the members from what was given. Throws Error (BadInput) with all that is wrong, as for a file.
     @param owner  the class, for messages */
@@ -43,7 +44,7 @@ public:
 private:
     struct Object {
         std::string name, unused;
-        std::function<void(const py::handle&)> take;
+        Take take;
     };
     const char* dropUnit(const std::string& name, std::string unit);
     const Object* findObject(const std::string& name) const;
@@ -57,8 +58,9 @@ private:
 template <class Options>
 Keywords makeKeywords(Options& options) {
     Keywords keywords;
-    keywords.addObject("limits", "Limits|None", "The limits that are kept. None: the robot's.",
-                       [&options](const py::handle& limits) { options.limits = readLimits(limits); });
+    keywords.addObject(
+        "limits", "Limits|None", "The limits that are kept. None: the robot's.",
+        [&options](const auto& limits, const auto& place) { options.limits = readLimits(limits, place); });
     options.describe(keywords);
     return keywords;
 }
