@@ -302,7 +302,7 @@ class Batches(unittest.TestCase):
             (lambda: batch.change_limits([self.robot.limits]), "1 limits for 4 arms"),
             (lambda: batch.limits(4), "there is no arm 4"),
             (lambda: viable.Batch(self.robot, 0), "0 arms"),
-            (lambda: viable.Batch(self.robot, 1, action="force"), "It is torque, acceleration or target"),
+            (lambda: viable.Batch(self.robot, 1, action="force"), "action: `force` is not one of the choices"),
             (lambda: viable.Batch(self.robot, 1, plant={"payload": 1}), "payload"),
             (lambda: viable.Batch(self.robot, 1, plant={"payload_kg": "~uniform(2)"}), "uniform"),
         ):

@@ -178,8 +178,32 @@ class Guards(unittest.TestCase):
             viable.Guard(self.robot, 2)
         with self.assertRaisesRegex(viable.InputError, "limits are those of 3 joints; the robot has 6"):
             viable.Guard(self.robot, limits=viable.Limits(position=1, velocity=1, acceleration=2, jerk=20, joints=3))
-        with self.assertRaisesRegex(viable.InputError, "It is torque, tool, joint or path"):
+        with self.assertRaisesRegex(viable.InputError, "Guard: objective: `speed` is not one of the choices. .*`torque`, `tool`, `joint`, `path`"):
             viable.Guard(self.robot, objective="speed")
+
+    def test_keywords_are_checked_as_settings_of_a_file(self):
+        for make in (viable.Guard, viable.Batch):
+            name = make.__name__
+            for keywords, cause in (
+                ({"k_alfa": 5}, f"{name}: k_alfa: the key `k_alfa` is unknown. Did you mean `k_alpha`. Known keys: `limits`"),
+                ({"limit": None}, "Did you mean `limits`"),
+                ({"gamma": 0}, rf"{name}: gamma: 0 is out of range; allowed is \(0, inf\)"),
+                ({"gamma": None}, "gamma: .* empty"), ({"gamma": "fast"}, "gamma: "), ({"gamma": object()}, "gamma: "),
+                ({"gamma": np.nan}, "gamma: `?.nan`? is not a number"), ({"gamma": 2j}, "gamma: "),
+                ({"recovery": "yes"}, "recovery: must be `true` or `false`"),
+                ({"k_alfa": 5, "gamma": -1, "limits": [1]}, rf"3 things are wrong:(.|\n)*{name}: limits: a list are no(.|\n)*k_alpha(.|\n)*-1 is out"),
+            ):
+                with self.subTest(make=name, keywords=keywords), self.assertRaisesRegex(viable.InputError, cause):
+                    make(self.robot, **keywords)
+        for keywords, cause in (({"largest_deviation": [1, 2]}, "Guard: largest_deviation: must be a list of 6 numbers"),
+                                ({"largest_deviation": [1, 1, 1, 1, 1, 0]}, r"largest_deviation\[5\]: 0 is out of range"),
+                                ({"largest_speed": -1}, "Guard: largest_speed: -1 is out of range")):
+            with self.subTest(keywords=keywords), self.assertRaisesRegex(viable.InputError, cause):
+                viable.Guard(self.robot, **keywords)
+        viable.Guard(self.robot, 0.001, limits=None, k_alpha=np.inf, gamma=np.float32(10), recovery=np.bool_(True), objective="path",
+                     robust_loop=0, largest_deviation=np.full(6, 0.2), largest_speed=None)
+        with self.assertRaises(TypeError):
+            viable.Guard(self.robot, 0.001, self.robot.limits)
 
     def test_readings_and_torques_that_are_no_numbers(self):
         guard, zero = self.make(), np.zeros(6)
@@ -358,7 +382,7 @@ class References(unittest.TestCase):
         for _ in range(1500):
             guard.step()
         self.assertEqual((guard.status, guard.stop_reason), ("stopped", "requested"))
-        with self.assertRaisesRegex(viable.InputError, "It is hold, interpolate or extrapolate"):
+        with self.assertRaisesRegex(viable.InputError, "ReferenceGuard: between: .*Choices: `hold`, `interpolate`, `extrapolate`"):
             viable.ReferenceGuard(robot, between="never")
 
 

@@ -2,6 +2,8 @@
 
 import ast
 import importlib
+import inspect
+import math
 import re
 import unittest
 from pathlib import Path
@@ -77,6 +79,31 @@ class Stubs(unittest.TestCase):
                 compared += 1
                 self.assertEqual(arguments_of(member)[1:], arguments_in(getattr(actual, name))[1:], f"{node.name}.{name}")
         self.assertGreater(compared, 15)
+
+    def test_keywords_are_those_of_the_settings(self):
+        for cls, stub in ((getattr(_viable, node.name), node) for node in STUBS.body if isinstance(node, ast.ClassDef)):
+            if "__signature__" not in vars(cls):
+                continue
+            line = f"def {cls.__init__.__doc__.splitlines()[0]}: ..."
+            written = next(member for member in stub.body if getattr(member, "name", "") == "__init__")
+            self.assertEqual(ast.unparse(written), ast.unparse(ast.parse(line)),
+                             f"Write this line into class {cls.__name__} of _viable.pyi: {line}")
+
+    def test_signatures_are_told(self):
+        self.assertEqual(str(inspect.signature(viable.ReferenceGuard)),
+                         "(robot: 'Robot', tick: 'float' = 0.001, *, limits: 'Limits | None' = None, "
+                         "between: 'str' = 'extrapolate', share: 'float' = 1, velocity_filter: 'float' = 0, "
+                         "recovery: 'bool' = False) -> 'None'")
+        self.assertEqual(inspect.signature(viable.Guard).parameters["k_alpha"].default, math.inf)
+        self.assertEqual(inspect.signature(viable.Batch), inspect.signature(_viable.Batch))
+
+        class Mine(viable.Batch):
+            def __init__(self, arms):
+                super().__init__(viable.Robot("indy7"), arms)
+
+        self.assertEqual(list(inspect.signature(Mine).parameters), ["arms"])
+        self.assertRegex(viable.Batch.__doc__, r"\n\n  limits: Limits, None; default None\n      The limits that are kept")
+        self.assertEqual(len(Mine(2)), 2)
 
     def test_everything_of_the_package_is_documented(self):
         for name in viable.__all__:

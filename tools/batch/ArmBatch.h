@@ -46,6 +46,18 @@ struct ArmBatchOptions {
     std::uint64_t seed = 1;                         ///< of the draws
     std::vector<std::filesystem::path> pluginPath;  ///< where the plant is searched (PluginLoader)
     int threads = 0;                                ///< at most so many; 0: one per core
+
+    /** The settings: keywords of viable.Batch in Python. */
+    template <class V>
+    void describe(V& v) {
+        v(action, "action", "torque|acceleration|target|tool_pose|tool_position",
+          "What an action is: torque [Nm]; acceleration, M a + b is the torque [rad/s^2]; target, a joint target that "
+          "rests, led to as fast as the limits allow [rad]; tool_pose, (n, 7): the tool's position [m] and quaternion "
+          "x, y, z, w in the base frame, led to as tool_servo does; tool_position, (n, 3): its orientation is free.");
+        filter.describe(v);
+        v(seed, "seed", "Seed of the plants' draws.");
+        v(threads, "threads", "At most so many threads; 0: one per core.").atLeast(0);
+    }
 };
 
 /** Where the arms are; each array one row per arm, a row one number per joint. */

@@ -49,7 +49,7 @@ py::str makeText(std::string_view text);
 std::string formatShape(const py::array& array);
 
 /** The limits of a viable.Limits; None: nothing. */
-std::optional<JointLimits> readLimits(const py::handle& limits);
+std::optional<JointLimits> readLimits(const py::handle& limits, const std::string& place = "limits");
 py::object makeLimits(const JointLimits& limits);
 
 void bindRobot(py::module_& module);

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "Keywords.h"
 #include "RobotBinding.h"
 #include "batch/ArmBatch.h"
 #include "viable/config/ConfigNode.h"
@@ -18,36 +19,39 @@ namespace viable::python {
 
 namespace {
 
-BatchAction readAction(const std::string& word) {
-    if (word == "torque") return BatchAction::Torque;
-    if (word == "acceleration") return BatchAction::Acceleration;
-    if (word == "target") return BatchAction::Target;
-    if (word == "tool_pose") return BatchAction::ToolPose;
-    if (word == "tool_position") return BatchAction::ToolPosition;
-    throw badInput("Batch: action", "`" + word + "`",
-                   "It is torque, acceleration or target, tool_pose or tool_position.");
+/** With the blocks of an experiment file that a batch takes. */
+Keywords makeBatchKeywords(ArmBatchOptions& options) {
+    Keywords keywords = makeKeywords(options);
+    keywords.addObject("environment", "Mapping[str, Any]|None",
+                       "What stands around each arm, as `environment` of an experiment file; {}: nothing but itself. "
+                       "None: not looked at.",
+                       [&options](const py::handle& value, const std::string& place) {
+                           options.environment = readEnvironment(makeNode(value, place));
+                       });
+    keywords.addObject("plant", "Mapping[str, Any]|None",
+                       "A simulated real arm behind each nominal one, as `real_plant` of an experiment file. "
+                       "None: nominal arms alone, four times as fast.",
+                       [&options](const py::handle& value, const std::string&) {
+                           py::dict block;
+                           block["plugin"] = "simbody";
+                           block.attr("update")(value);
+                           if (py::object(block["plugin"]).equal(py::str("simbody")))
+                               block.attr("setdefault")("dynamics", "recursion");
+                           options.plant = formatValue(block);
+                           options.pluginPath = py::cast<std::vector<std::filesystem::path>>(
+                               py::module_::import("viable._paths").attr("plugin_folders")());
+                       });
+    return keywords;
 }
 
 class PythonBatch {
 public:
-    PythonBatch(std::shared_ptr<PythonRobot> robot, int n, double tick, const py::object& limits,
-                const std::string& action, double kAlpha, double gamma, bool recovery, const std::string& objective,
-                const std::string& environment, const std::string& plant, std::uint64_t seed, int threads)
+    PythonBatch(std::shared_ptr<PythonRobot> robot, int n, double tick, const py::kwargs& keywords)
         : robot_(std::move(robot)) {
         ArmBatchOptions options;
-        options.limits = readLimits(limits);
-        options.filter = {kAlpha, gamma, recovery, readObjective(objective)};
-        options.action = action_ = readAction(action);
-        if (!environment.empty()) {
-            const ConfigNode block = parseConfig(environment, "Batch: environment");
-            options.environment = readEnvironment(block);
-        }
-        options.plant = plant;
-        options.seed = seed;
-        options.threads = threads;
-        if (!plant.empty())
-            options.pluginPath = py::cast<std::vector<std::filesystem::path>>(
-                py::module_::import("viable._paths").attr("plugin_folders")());
+        makeBatchKeywords(options).read("Batch", keywords, robot_->size());
+        action_ = options.action;
+        keepsClear_ = options.environment.has_value();
         const py::gil_scoped_release release;
         batch_.emplace(robot_->description, n, tick, std::move(options));
     }
@@ -147,6 +151,8 @@ public:
     py::array toolPose(bool real) { return findTools(real, 7, "Batch.tool_pose: real"); }
 
     const ArmBatch& batch() const { return *batch_; }
+    const std::shared_ptr<PythonRobot>& robot() const { return robot_; }
+    bool keepsClear() const { return keepsClear_; }
 
     /** The arms that a mask names, all without one. */
     std::vector<int> readArms(const py::object& mask, const std::string& place) const {
@@ -214,7 +220,7 @@ private:
     std::shared_ptr<PythonRobot> robot_;
     std::optional<ArmBatch> batch_;
     BatchAction action_ = BatchAction::Torque;
-    bool isTaken_ = false;
+    bool keepsClear_ = false, isTaken_ = false;
 };
 
 /** A read-only view of what belongs to `owner`. */
@@ -241,13 +247,12 @@ void bindView(Class& c, const char* name, const char* doc, std::vector<double> A
 }  // namespace
 
 void bindBatch(py::module_& module) {
-    py::class_<PythonBatch> batch(module, "Batch", R"(Many guarded arms at once; use viable.Batch.)");
+    ArmBatchOptions standard;
+    auto batch = defineClass<PythonBatch, std::shared_ptr<PythonRobot>, int, double>(
+        module, "Batch", "Many guarded arms at once; use viable.Batch.\n\nKEYWORDS", makeBatchKeywords(standard),
+        "robot: Robot, n: int = 4096, tick: float = 0.001", py::arg("robot"), py::arg("n") = 4096,
+        py::arg("tick") = 0.001);
     batch
-        .def(py::init<std::shared_ptr<PythonRobot>, int, double, const py::object&, const std::string&, double, double,
-                      bool, const std::string&, const std::string&, const std::string&, std::uint64_t, int>(),
-             py::arg("robot"), py::arg("n"), py::arg("tick"), py::kw_only(), py::arg("limits"), py::arg("action"),
-             py::arg("k_alpha"), py::arg("gamma"), py::arg("recovery"), py::arg("objective"), py::arg("environment"),
-             py::arg("plant"), py::arg("seed"), py::arg("threads"))
         .def("step", &PythonBatch::step, py::arg("actions"), py::arg("substeps") = 10,
              R"(`substeps` ticks of every arm with the same actions.
 
@@ -289,6 +294,8 @@ q, qd, qdd  (joints,) for all of them, a row each, or (n, joints) of which their
             },
             "(n,): a stop from here brings the arm no nearer than this to its surroundings and itself [m]; inf where\n"
             "nothing can be met, nan where nobody looked: without environment, and from reset() to the first step.")
+        .def_property_readonly("_keeps_clear", &PythonBatch::keepsClear)
+        .def_property_readonly("robot", &PythonBatch::robot, "As given.")
         .def_property_readonly(
             "joints", [](const PythonBatch& b) { return b.batch().joints(); }, "Of each arm.")
         .def_property_readonly(

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "Keywords.h"
 #include "RobotBinding.h"
 #include "core/Text.h"
 #include "viable/loop/ReferenceGuard.h"
@@ -64,16 +65,10 @@ void expectStarted(GuardStatus status, const char* guard) {
 
 class PythonGuard {
 public:
-    PythonGuard(const std::shared_ptr<PythonRobot>& robot, double tick, const py::object& limits, double kAlpha,
-                double gamma, bool recovery, const std::string& objective, bool robustLoop,
-                const py::object& largestDeviation, const py::object& largestSpeed)
+    PythonGuard(const std::shared_ptr<PythonRobot>& robot, double tick, const py::kwargs& keywords)
         : n_(robot->size()) {
         TorqueGuardOptions options;
-        options.limits = readLimits(limits);
-        options.filter = {kAlpha, gamma, recovery, readObjective(objective)};
-        options.hasRobustLoop = robustLoop;
-        options.largestDeviation = readPerJoint(largestDeviation, n_, "Guard: largest_deviation");
-        if (!largestSpeed.is_none()) options.largestSpeed = readPerJoint(largestSpeed, n_, "Guard: largest_speed");
+        makeKeywords(options).read("Guard", keywords, n_);
         const py::gil_scoped_release release;
         guard_.emplace(robot->description, tick, std::move(options));
         torque_.setZero(n_);
@@ -155,15 +150,10 @@ private:
 
 class PythonReferenceGuard {
 public:
-    PythonReferenceGuard(const std::shared_ptr<PythonRobot>& robot, double tick, const py::object& limits,
-                         const std::string& between, double share, double velocityFilter, bool recovery)
+    PythonReferenceGuard(const std::shared_ptr<PythonRobot>& robot, double tick, const py::kwargs& keywords)
         : n_(robot->size()) {
         ReferenceGuardOptions options;
-        options.limits = readLimits(limits);
-        options.between = readBetween(between);
-        options.share = share;
-        options.velocityFilter_s = velocityFilter;
-        options.recovery = recovery;
+        makeKeywords(options).read("ReferenceGuard", keywords, n_);
         const py::gil_scoped_release release;
         guard_.emplace(robot->description, tick, std::move(options));
     }
@@ -198,13 +188,6 @@ public:
     std::vector<std::string> acting() const { return listActing(answer_.acting, n_); }
 
 private:
-    static BetweenSamples readBetween(const std::string& word) {
-        for (const BetweenSamples between :
-             {BetweenSamples::Hold, BetweenSamples::Interpolate, BetweenSamples::Extrapolate})
-            if (word == viable::getName(between)) return between;
-        throw badInput("ReferenceGuard: between", "`" + word + "`", "It is hold, interpolate or extrapolate.");
-    }
-
     const int n_;
     std::optional<ReferenceGuard> guard_;
     GuardedReference answer_;
@@ -233,19 +216,7 @@ void bindCommon(py::class_<Guard>& c) {
             "__len__", [](Guard& g) { return g.guard().size(); }, "Joints.");
 }
 
-}  // namespace
-
-Objective readObjective(const std::string& word) {
-    if (word == "torque") return Objective::Torque;
-    if (word == "tool") return Objective::Tool;
-    if (word == "joint") return Objective::Joint;
-    if (word == "path") return Objective::Path;
-    throw badInput("objective", "`" + word + "`", "It is torque, tool, joint or path.");
-}
-
-void bindGuards(py::module_& module) {
-    py::class_<PythonGuard> guard(module, "Guard",
-                                  R"(Joint limits up to jerk around a torque law: torque in, motor torque out.
+constexpr const char* kGuardDoc = R"doc(Joint limits up to jerk around a torque law: torque in, motor torque out.
 
     guard = viable.Guard(robot, tick=0.001)
     guard.start(q, qd)
@@ -255,26 +226,37 @@ The law moves a nominal arm, without friction and of known inertia, whose positi
 are guaranteed, at every tick and between, whatever the law gives; a robust loop keeps the real arm next to it. Compute the
 torque from the nominal arm (`nominal`, or what a law is called with), not from the reading.
 
-robot              viable.Robot
-tick               period of the loop [s], 0.00001 to 0.1
-limits             viable.Limits; None: the robot's
-k_alpha            how fast a limit may be approached [1/s], up to 1 / tick; inf: as fast as the limits allow
-gamma              how fast the acceleration follows the desired one [1/s], below 2 / tick
-recovery           accept a start outside the limits and return within them
-objective          what changes as little as possible: torque, tool, joint or path
-robust_loop        False: the motors get the filtered torque alone
-largest_deviation  farthest of a joint from its nominal one before the arm is stopped [rad]; a number or (n,)
-largest_speed      faster readings are not believed [rad/s]; None: twice the velocity limit
+Keywords, beside robot (viable.Robot) and tick (period of the loop [s], 0.00001 to 0.1):
 
+KEYWORDS
 Raises viable.InputError for what does not fit. A step takes 10 us and a Python law what it takes: for a real robot at 1 kHz
-let C++ tick (framework/README.md, "In your own loop"). One thread at a time.)");
+let C++ tick (framework/README.md, "In your own loop"). One thread at a time.)doc";
+
+constexpr const char* kReferenceGuardDoc =
+    R"doc(Joint limits up to jerk for robots that take positions: targets in, a reference out.
+
+    guard = viable.ReferenceGuard(robot, tick=0.001)
+    guard.start(q)
+    every tick:  q, qd, qdd = guard.step(target)     # or step() where no new target has come
+
+The reference goes to the targets as fast as the limits allow, and keeps them, up to jerk, at every tick and between, whatever
+the targets are. Masses and motors do not count.
+
+Keywords, beside robot (viable.Robot) and tick (period of the loop [s], 0.00001 to 0.1):
+
+KEYWORDS
+Raises viable.InputError for what does not fit. One thread at a time.)doc";
+
+}  // namespace
+
+void bindGuards(py::module_& module) {
+    constexpr const char* kBefore = "robot: Robot, tick: float = 0.001";
+    const auto robot = py::arg("robot");
+    const auto tick = py::arg("tick") = 0.001;
+    TorqueGuardOptions standard;
+    auto guard = defineClass<PythonGuard, const std::shared_ptr<PythonRobot>&, double>(
+        module, "Guard", kGuardDoc, makeKeywords(standard), kBefore, robot, tick);
     guard
-        .def(py::init<const std::shared_ptr<PythonRobot>&, double, const py::object&, double, double, bool,
-                      const std::string&, bool, const py::object&, const py::object&>(),
-             py::arg("robot"), py::arg("tick") = 0.001, py::kw_only(), py::arg("limits") = py::none(),
-             py::arg("k_alpha") = CertifiedBrakingOptions{}.kAlpha, py::arg("gamma") = CertifiedBrakingOptions{}.gamma,
-             py::arg("recovery") = false, py::arg("objective") = "torque", py::arg("robust_loop") = true,
-             py::arg("largest_deviation") = 0.1, py::arg("largest_speed") = py::none())
         .def("start", &PythonGuard::start, py::arg("q"), py::arg("qd") = py::none(),
              "From here on: the nominal arm is where the real one is, q (n,) [rad], qd (n,) [rad/s]. Raises\n"
              "viable.InputError for a start from which no stop within the limits exists (unless recovery).")
@@ -309,30 +291,10 @@ external  (n,) what the surroundings put on the joints, as measured [Nm]: the ar
             "What was wrong with the last reading: none, malformed, jumped.");
     bindCommon(guard);
 
-    py::class_<PythonReferenceGuard> reference(
-        module, "ReferenceGuard",
-        R"(Joint limits up to jerk for robots that take positions: targets in, a reference out.
-
-    guard = viable.ReferenceGuard(robot, tick=0.001)
-    guard.start(q)
-    every tick:  q, qd, qdd = guard.step(target)     # or step() where no new target has come
-
-The reference goes to the targets as fast as the limits allow, and keeps them, up to jerk, at every tick and between, whatever
-the targets are. Masses and motors do not count.
-
-limits           viable.Limits; None: the robot's
-between          what a target is between two of them: extrapolate, interpolate or hold
-share            of acceleration and jerk limits that the motion relative to the target may take, in (0, 1]
-velocity_filter  time constant of the target's velocity [s]; inf: a target counts as resting; 0: from the limits
-recovery         accept a start outside the limits and return within them
-
-Raises viable.InputError for what does not fit. One thread at a time.)");
+    ReferenceGuardOptions standardReference;
+    auto reference = defineClass<PythonReferenceGuard, const std::shared_ptr<PythonRobot>&, double>(
+        module, "ReferenceGuard", kReferenceGuardDoc, makeKeywords(standardReference), kBefore, robot, tick);
     reference
-        .def(py::init<const std::shared_ptr<PythonRobot>&, double, const py::object&, const std::string&, double,
-                      double, bool>(),
-             py::arg("robot"), py::arg("tick") = 0.001, py::kw_only(), py::arg("limits") = py::none(),
-             py::arg("between") = "extrapolate", py::arg("share") = 1.0, py::arg("velocity_filter") = 0.0,
-             py::arg("recovery") = false)
         .def("start", &PythonReferenceGuard::start, py::arg("q"), py::arg("qd") = py::none(),
              py::arg("qdd") = py::none(),
              "The reference begins here, which is the first target, too: q, qd, qdd, each (n,).")

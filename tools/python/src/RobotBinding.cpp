@@ -301,10 +301,10 @@ share   of acceleration and jerk limits that the motion relative to the target m
 
 }  // namespace
 
-std::optional<JointLimits> readLimits(const py::handle& limits) {
+std::optional<JointLimits> readLimits(const py::handle& limits, const std::string& place) {
     if (limits.is_none()) return {};
     if (!py::isinstance<PythonLimits>(limits))
-        throw badInput("limits", "a " + std::string(Py_TYPE(limits.ptr())->tp_name) + " are no limits",
+        throw badInput(place, "a " + std::string(Py_TYPE(limits.ptr())->tp_name) + " are no limits",
                        "Give a viable.Limits, such as robot.limits.replace(velocity=1.0).");
     return py::cast<const PythonLimits&>(limits).limits;
 }

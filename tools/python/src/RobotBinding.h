@@ -32,7 +32,4 @@ private:
     bool& isTaken_;
 };
 
-/** torque, tool, joint, path. Throws Error (BadInput). */
-Objective readObjective(const std::string& word);
-
 }  // namespace viable::python

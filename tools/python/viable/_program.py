@@ -7,6 +7,7 @@ import contextlib
 import ctypes
 import json
 import math
+import numbers
 import os
 import re
 import signal
@@ -41,7 +42,7 @@ def format_value(value: Any) -> str:
         return "[" + ", ".join(format_value(each) for each in value) + "]"
     if isinstance(value, float):
         return repr(value) if math.isfinite(value) else ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
-    return str(value)
+    return str(value) if isinstance(value, numbers.Number) else json.dumps(str(value), ensure_ascii=False)
 
 
 def _is_plain(word: str) -> bool:

@@ -28,7 +28,7 @@ namespace viable {
 //     };
 //
 // The member's type says what may be written, its initial value is the default. The reader with its errors, the resolved
-// file, `viable plugins --describe`, the tables in the documentation and the JSON Schema all come from this line.
+// file, `viable plugins --describe`, the tables in the documentation, the JSON Schema and Python's keywords come from it.
 
 enum class ParameterType : std::uint32_t {
     Number,        ///< double

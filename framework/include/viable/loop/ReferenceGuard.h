@@ -33,6 +33,23 @@ struct ReferenceGuardOptions {
     std::optional<Environment> environment;
     /** Older surroundings are not used: the arm follows its stop until newer ones come [s]. */
     double maxAge_s = std::numeric_limits<double>::infinity();
+
+    /** The settings of a guard without obstacles: the keywords of viable.ReferenceGuard in Python. */
+    template <class V>
+    void describe(V& v) {
+        v(between, "between", "hold|interpolate|extrapolate",
+          "The target between two of them: the last one, straight to it within a period, or on as the last two went.");
+        v(share, "share", "",
+          "Share of the acceleration and jerk limits that the motion relative to the target may take.")
+            .above(0)
+            .upTo(1);
+        v(velocityFilter_s, "velocity_filter_s", "s",
+          "Time constant of the target's velocity; infinite: a target counts as resting; 0: from the limits.")
+            .atLeast(0)
+            .orInfinite();
+        v(recovery, "recovery",
+          "Accept a start outside the limits, or one that must leave them, and return within the limits.");
+    }
 };
 
 /** The answer to one tick. */

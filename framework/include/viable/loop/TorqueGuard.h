@@ -44,6 +44,21 @@ struct TorqueGuardOptions {
     torqueRate / c [Nm]. Larger ones (a payload unknown at the start) can make it unstable: state the payload, or
     give lower gains. */
     TorqueConvention convention;
+
+    /** The settings: the keywords of viable.Guard in Python. */
+    template <class V>
+    void describe(V& v) {
+        filter.describe(v);
+        v(hasRobustLoop, "robust_loop", "False: no robust loop, the motors get the filter's torque alone.");
+        v(largestDeviation, "largest_deviation_rad", "rad",
+          "Farthest that a joint may be from its nominal one before the arm is stopped.")
+            .above(0)
+            .orInfinite();
+        v(largestSpeed, "largest_speed_radps", "rad/s",
+          "Fastest plausible motion of a reading; none: twice the velocity limit, or twice the speed at the start.")
+            .above(0)
+            .orInfinite();
+    }
 };
 
 /** Faults of a tick's reading. */
