@@ -49,7 +49,11 @@ viable::LimitRow makeRow() {
     return row;
 }
 
-const viable::LimitKind kUpright = viable::addLimit("upright", "deg", makeRow());
+viable::LimitKind upright = viable::LimitKind::None;
+
+void addLimits() {
+    upright = viable::addLimit("upright", "deg", makeRow());
+}
 
 /** Passes everything on, and tells how far the tool is tilted. */
 class UprightFilter : public broken::Filter {
@@ -58,15 +62,15 @@ public:
         Filter::configure(setup, parameters);
         upright_ = std::make_unique<Upright>(setup.robot);
     }
-    viable::FilterTraits traits() const override { return {{kUpright}}; }
+    viable::FilterTraits traits() const override { return {{upright}}; }
     viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override {
         const viable::FilterStatus status = Filter::filter(input, decision);
-        viable::LimitReport& report = decision.reports[kUpright];
+        viable::LimitReport& report = decision.reports[upright];
         report.isKnown = true;
         report.value = upright_->findTilt_deg(input.nominal.q);
         report.limit = kMostTilt_deg;
         if (report.value <= report.limit) return status;
-        decision.joints[0] = {kUpright, viable::LimitSide::Upper};
+        decision.joints[0] = {upright, viable::LimitSide::Upper};
         return viable::FilterStatus::Modified;
     }
 
@@ -77,4 +81,4 @@ private:
 }  // namespace
 
 VIABLE_PLUGIN(viable::SafetyFilter, UprightFilter, "upright", "Guarantees that the tool stays upright, and lies.",
-              viable::NoOptions)
+              viable::NoOptions, addLimits)

@@ -172,10 +172,10 @@ struct LimitScene {
 /** A column of a kind's channel in the log: its name, with the unit, and the member that it holds. Names of points stand
 without the unit: "on_arm" becomes "on_arm.x_m" and so on. */
 struct LimitColumn {
+    using Member = std::variant<bool LimitReport::*, int LimitReport::*, double LimitReport::*,
+                                Eigen::Vector3d LimitReport::*, std::int64_t PeopleFaults::*, int PeopleFaults::*>;
     std::string name;
-    std::variant<bool LimitReport::*, int LimitReport::*, double LimitReport::*, Eigen::Vector3d LimitReport::*,
-                 std::int64_t PeopleFaults::*, int PeopleFaults::*>
-        member;
+    Member member;
 };
 
 /** A figure of each arm in summary.json, and with a column also in a sweep's table. */
@@ -232,8 +232,8 @@ struct LimitRow {
 };
 
 /** Adds a kind of limit, and with it its log channel, figures, words, verdict and exit code. A plugin's library adds its
-kinds as it is loaded: `const viable::LimitKind kUpright = viable::addLimit("upright", "deg", makeRow());`. A kind of that
-name which nobody counts yet gets the row. Throws as addLimitKind(). Any thread. */
+kinds in a function that VIABLE_PLUGIN names, `void addLimits() { kUpright = viable::addLimit("upright", "deg", makeRow()); }`.
+A kind of that name which nobody counts yet gets the row. Throws as addLimitKind(). Any thread. */
 LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row);
 
 /** The row of a kind from kFirstArmLimit on. Any thread; lives for ever. */
