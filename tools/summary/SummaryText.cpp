@@ -308,13 +308,11 @@ Sliding findSliding(const std::vector<CaseResult>& results) {
 
 /** The kinds of limits of the whole arm that any case counted. */
 std::vector<LimitKind> listCounted(const std::vector<CaseResult>& results) {
-    std::vector<LimitKind> kinds = listArmLimits();
-    const auto isCounted = [&](LimitKind kind) {
-        return std::any_of(results.begin(), results.end(),
-                           [&](const CaseResult& r) { return r.summary.account(kind) != nullptr; });
-    };
-    kinds.erase(std::remove_if(kinds.begin(), kinds.end(), [&](LimitKind kind) { return !isCounted(kind); }),
-                kinds.end());
+    std::vector<LimitKind> kinds;
+    for (const LimitKind kind : listArmLimits())
+        if (std::any_of(results.begin(), results.end(),
+                        [&](const CaseResult& r) { return r.summary.account(kind) != nullptr; }))
+            kinds.push_back(kind);
     return kinds;
 }
 

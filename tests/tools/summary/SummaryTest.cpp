@@ -49,6 +49,14 @@ struct HandMadeRun {
     nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]; }
 };
 
+TEST(Summary, NoKindOfLimitCanHaveANameThatStandsThereAlready) {
+    const int before = countLimitKinds();
+    const nlohmann::json one = HandMadeRun().json();
+    for (const char* key : {"motors", "tracking", "limits", "ticks", "trip"}) EXPECT_TRUE(one.contains(key)) << key;
+    for (const auto& [key, value] : one.items()) EXPECT_THROW(addLimit(key, "", {}), Error) << key;
+    EXPECT_EQ(countLimitKinds(), before);
+}
+
 // On its backup stop, at rest and with a limit that acts: asked to move.
 TEST(Summary, AnArmThatStandsOnItsBackupStopIsNamed) {
     HandMadeRun run;

@@ -190,7 +190,7 @@ struct LimitFigure {
 
 /** All that the program says of a kind of limit. Members that are left empty follow from name and unit. */
 struct LimitRow {
-    /** Null: every case has it. */
+    /** Null: every case has it; of a plugin's library, every case of an experiment with a case that uses that. */
     bool (*exists)(const LimitScene& scene) = nullptr;
     /** Null: nobody counts it. */
     std::unique_ptr<ArmLimit> (*make)(const LimitScene& scene) = nullptr;
@@ -233,14 +233,33 @@ struct LimitRow {
 
 /** Adds a kind of limit, and with it its log channel, figures, words, verdict and exit code. A plugin's library adds its
 kinds in a function that VIABLE_PLUGIN names, `void addLimits() { kUpright = viable::addLimit("upright", "deg", makeRow()); }`.
-A kind of that name which nobody counts yet gets the row. Throws as addLimitKind(). Any thread. */
+The row takes the place of one that nobody counts. Throws as addLimitKind(). Any thread. */
 LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row);
 
 /** The row of a kind from kFirstArmLimit on. Any thread; lives for ever. */
 const LimitRow& getLimitRow(LimitKind kind);
 
-/** All kinds that are of the whole arm, in their order. */
-std::vector<LimitKind> listArmLimits();
+/** All kinds that are of the whole arm, in their order, to be looped over. Real time. */
+class ArmLimitRange {
+public:
+    struct Iterator {
+        int kind;
+        LimitKind operator*() const { return static_cast<LimitKind>(kind); }
+        void operator++() { ++kind; }
+        bool operator!=(Iterator other) const { return kind != other.kind; }
+    };
+    Iterator begin() const { return {static_cast<int>(kFirstArmLimit)}; }
+    Iterator end() const { return {end_}; }
+
+private:
+    int end_ = countLimitKinds();
+};
+inline ArmLimitRange listArmLimits() {
+    return {};
+}
+
+/** The kinds that watch people. */
+LimitSet findPeopleLimits();
 
 /** The kinds that a case has. */
 LimitSet findLimits(const LimitScene& scene);
