@@ -277,7 +277,7 @@ std::string formatCommandErrors(const CaseResult& r) {
 std::string tellBroken(const LimitRow& row, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
     std::string text = pattern;
     if (const std::size_t at = text.find("%s"); at != std::string::npos) text.replace(at, 2, arm);
-    return text + row.tellWorst(record);
+    return text + row.tellWorst(record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
 }
 
 /** Whether the arms kept a limit of theirs as a whole. */
@@ -612,6 +612,9 @@ std::string formatVerdict(const CaseResult& r) {
         text += (r.guarantees.has(account.kind) ? ", and " : ", no ") + getLimitRow(account.kind).guarantee;
     text += ")" + formatRealVerdict(r);
     for (const LimitAccount& account : r.summary.accounts()) text += formatVerdict(account);
+    for (const LimitKind kind : listArmLimits())
+        if (const LimitRow& row = getLimitRow(kind); r.guarantees.has(kind) && !r.summary.account(kind) && !row.isSlow)
+            text += "; " + row.guarantee + " guaranteed, but not judged";
     return text + formatShortcomings(r);
 }
 
@@ -643,9 +646,10 @@ std::string formatDetails(const CaseResult& r) {
         const LimitRow& row = getLimitRow(kind);
         if (const LimitAccount* account = s.account(kind))
             text += formatAccount(*account);
-        else if (row.isSlow && r.guarantees.has(kind))
-            text +=
-                format("  %-13s not judged: the judge takes longer than a tick of a live run may\n", row.label.c_str());
+        else if (r.guarantees.has(kind))
+            text += format("  %-13s not judged: %s\n", row.label.c_str(),
+                           row.isSlow ? "the judge takes longer than a tick of a live run may"
+                                      : "the filter guarantees it, but nobody counts it in this case");
     }
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
