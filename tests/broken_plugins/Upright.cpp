@@ -19,7 +19,8 @@ struct Options {
 
     template <class V>
     void describe(V& v) {
-        v(judge, "judge", "healthy|throws|rounds|is_null|crashes", "What the limit's judge does in the run.");
+        v(judge, "judge", "healthy|throws|rounds|is_null|crashes|loses_words",
+          "What the limit's judge does in the run.");
     }
 };
 std::string judge;
@@ -61,6 +62,10 @@ viable::LimitRow makeRow() {
     viable::LimitRow row;
     row.make = [](const viable::LimitScene& scene) -> std::unique_ptr<viable::ArmLimit> {
         return judge == "is_null" ? nullptr : std::make_unique<Upright>(scene.robot);
+    };
+    row.tellInVerdict = [](const viable::LimitAccount&) -> std::string {
+        if (judge == "loses_words") throw 7;
+        return "";
     };
     using R = viable::LimitReport;
     row.columns = {{"known", &R::isKnown}, {"tilt_deg", &R::value}, {"limit_deg", &R::limit}, {"link", &R::link}};

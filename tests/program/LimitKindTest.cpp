@@ -82,6 +82,7 @@ TEST(LimitKind, JudgeThatMisbehavesIsContainedAndTheLibraryNamed) {
         return test::run({"run", folder.write(judge + ".yaml", text), "--out", folder / judge, "--jobs", "1"});
     };
     expectContains(run("throws").out, {"the nominal arm broke its limit of upright: worst ", "(its check failed)"});
+    expectContains(run("loses_words").out, {"(its words failed)"});
     expectContains(run("rounds").out, {"(its check changed the arithmetic)"});
     const Outcome none = run("is_null"), crashed = run("crashes");
     EXPECT_EQ(none.code, 4) << none.err;

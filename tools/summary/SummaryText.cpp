@@ -273,11 +273,21 @@ std::string formatCommandErrors(const CaseResult& r) {
     return text.empty() ? "" : "  command      " + text + "\n";
 }
 
+/** What a row's function tells, if there is one. That of a library may throw, after a run that shall be told of. */
+template <class Tell, class... Arguments>
+std::string tell(const Tell& function, const Arguments&... arguments) {
+    try {
+        return function ? function(arguments...) : "";
+    } catch (...) {
+        return "(its words failed)";
+    }
+}
+
 /** "the nominal arm collided: link4 ...". @param pattern  of the row, with the arm as %s */
 std::string tellBroken(const LimitRow& row, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
     std::string text = pattern;
     if (const std::size_t at = text.find("%s"); at != std::string::npos) text.replace(at, 2, arm);
-    return text + row.tellWorst(record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
+    return text + tell(row.tellWorst, record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
 }
 
 /** Whether the arms kept a limit of theirs as a whole. */
@@ -288,14 +298,15 @@ std::string formatVerdict(const LimitAccount& account) {
     if (account.real && account.real->brokenTicks > 0)
         text += "; " + tellBroken(row, row.verdict, "real", *account.real);
     if (text.empty()) text = "; " + row.kept;
-    return row.tellInVerdict ? text + row.tellInVerdict(account) : text;
+    return text + tell(row.tellInVerdict, account);
 }
 
 std::string formatAccount(const LimitAccount& account) {
     const LimitRow& row = getLimitRow(account.kind);
-    std::string text = format("  %-13s nominal: ", row.label.c_str()) + row.tellArm(account, account.nominal) + "\n";
-    if (account.real) text += format("  %-13s real: ", "") + row.tellArm(account, *account.real) + "\n";
-    return row.tellMore ? text + row.tellMore(account) : text;
+    std::string text =
+        format("  %-13s nominal: ", row.label.c_str()) + tell(row.tellArm, account, account.nominal) + "\n";
+    if (account.real) text += format("  %-13s real: ", "") + tell(row.tellArm, account, *account.real) + "\n";
+    return text + tell(row.tellMore, account);
 }
 
 /** Of a table: cases may be of different arms. */
