@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -28,14 +29,16 @@ struct Table {
     explicit Table(const char* name) {
         const std::vector<viable::ParameterSpec>& healthy = viable::settingsOf<Options>();
         std::copy(healthy.begin(), healthy.end(), parameters);
-        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter, Options>(name, "A broken table.");
+        entry = viable::makePluginEntry<viable::SafetyFilter, broken::Filter>(name, "A broken table.");
         entry.parameters = parameters;
+        entry.parameterCount = healthy.size();
         library = {viable::kPluginMagic,
                    sizeof(viable::PluginLibrary),
                    viable::makeAbiStamp(),
                    sizeof(viable::PluginEntry),
                    1,
-                   &entry};
+                   &entry,
+                   nullptr};
     }
     Table(const Table&) = delete;
 
@@ -94,8 +97,8 @@ const Fault kFaults[] = {
     {"unknown_kind", [](Table& t) { t.entry.kind = static_cast<viable::PluginKind>(5); }},
     {"wrong_kind",
      [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::NominalController, broken::Controller, viable::NoOptions>(
-             "wrong_kind", "A controller.");
+         t.entry =
+             viable::makePluginEntry<viable::NominalController, broken::Controller>("wrong_kind", "A controller.");
      }},
     {"no_create", [](Table& t) { t.entry.create = nullptr; }},
     {"no_destroy", [](Table& t) { t.entry.destroy = nullptr; }},
@@ -104,6 +107,14 @@ const Fault kFaults[] = {
     {"nameless_parameter", [](Table& t) { t.parameters[1].name = nullptr; }},
     {"twin_parameters", [](Table& t) { t.parameters[1].name = "gain"; }},
     {"empty_range", [](Table& t) { t.parameters[0].min = 2, t.parameters[0].max = 1; }},
+    // what it does once its stamp is known to be right
+    {"open_throws", [](Table& t) { t.library.open = [] { throw std::runtime_error("no options today"); }; }},
+    {"opens_another_build",
+     [](Table& t) {
+         t.library.stamp.layout += 1;
+         t.library.open = [] { std::abort(); };
+     }},
+    {"limit_of_taken_name", [](Table& t) { t.library.open = [] { viable::addLimit("motor", "Nm", {}); }; }},
     // cannot be made: and says why, does not say why, lets exceptions out
     {"null_create",
      [](Table& t) {
@@ -120,13 +131,12 @@ const Fault kFaults[] = {
     {"create_throws_int", [](Table& t) { t.entry.create = [](char*, std::size_t) -> void* { throw 7; }; }},
     {"constructor_throws",
      [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter, viable::NoOptions>(
-             "constructor_throws", "Throws.");
+         t.entry = viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter>("constructor_throws", "Throws.");
      }},
     {"constructor_throws_int",
      [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter, viable::NoOptions>(
-             "constructor_throws_int", "Throws.");
+         t.entry =
+             viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter>("constructor_throws_int", "Throws.");
      }},
 };
 

@@ -52,7 +52,7 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
     EXPECT_TRUE(reader.layout().limits.has(kind));
     std::vector<std::string> columns;
     for (const LogColumn& column : reader.columns()) columns.push_back(column.name());
-    for (const char* name : {"upright.known", "upright.value_deg", "upright.limit_deg", "upright.link"})
+    for (const char* name : {"upright.known", "upright.tilt_deg", "upright.limit_deg", "upright.link"})
         EXPECT_EQ(std::count(columns.begin(), columns.end(), name), 1) << name;
     TickRecord row;
     double worst = 0.0;
@@ -72,6 +72,23 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
     const Outcome again = test::run({"report", folder / "run"});
     EXPECT_EQ(again.code, 0) << again.err;
     expectContains(test::readFile(std::filesystem::path(folder / "run") / "report.html"), {"upright, ticks beyond"});
+}
+
+TEST(LimitKind, JudgeThatMisbehavesIsContainedAndTheLibraryNamed) {
+    const test::TemporaryFolder folder;
+    const auto run = [&](const std::string& judge) {
+        std::string text = kTipping;
+        text.replace(text.find("upright}"), 7, "upright, judge: " + judge);
+        return test::run({"run", folder.write(judge + ".yaml", text), "--out", folder / judge, "--jobs", "1"});
+    };
+    expectContains(run("throws").out, {"the nominal arm broke its limit of upright: worst ", "(its check failed)"});
+    expectContains(run("loses_words").out, {"(its words failed)"});
+    expectContains(run("rounds").out, {"(its check changed the arithmetic)"});
+    const Outcome none = run("is_null"), crashed = run("crashes");
+    EXPECT_EQ(none.code, 4) << none.err;
+    expectContains(none.err, {"the limit 'upright' (", "viable_filter_upright.so): could not be made: it gave none"});
+    EXPECT_EQ(crashed.code, 4) << crashed.err;
+    expectContains(crashed.err, {"the limit 'upright' (", "while it judged an arm"});
 }
 
 TEST(LimitKind, OfAPluginIsCheckedBeforeARun) {

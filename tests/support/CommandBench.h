@@ -11,10 +11,7 @@
 #include "core/RotationVector.h"
 #include "host/PluginLoader.h"
 #include "viable/core/Error.h"
-#include "viable/plugin/PluginExport.h"
-
-/** The descriptor of the plugin that is linked into this test. */
-extern "C" const viable::PluginLibrary* viable_plugin_library();
+#include "viable/testing/PluginBench.h"
 
 namespace viable {
 
@@ -42,7 +39,7 @@ public:
     /** Parameters from the inside of a flow map: `points: [[0, 1, 2, 3]], repeat_s: 2`. */
     Parameters read(const std::string& text) const {
         const ConfigNode root = parseConfig("command: {" + text + "}\n", file);
-        const PluginEntry& entry = viable_plugin_library()->entries[0];
+        const PluginEntry& entry = testing::openOwnPlugin();
         return readParameters(*root.find("command"), entry.parameters, entry.parameterCount, 3);
     }
 

@@ -12,6 +12,7 @@
 #include "experiment/NominalLoop.h"
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
+#include "host/WatchedLimit.h"
 #include "plugin/RehearsedCommand.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
@@ -262,14 +263,14 @@ void addPeople(const ConfiguredCase& configured, CaseForecast& forecast) {
 void addLimits(const ConfiguredCase& configured, CaseForecast& forecast) {
     const CasePlan& plan = configured.plan;
     const LimitScene scene = makeScene(plan);
-    const LimitSet limits = findLimits(scene), guarantees = configured.plugins.filter->traits().guarantees;
+    const LimitSet limits = findLimits(plan), guarantees = configured.plugins.filter->traits().guarantees;
     for (const LimitKind kind : listArmLimits()) {
         if (!limits.has(kind)) continue;
         const LimitRow& row = getLimitRow(kind);
         detail::addItem(forecast.limits, row.label + (guarantees.has(kind) ? " guaranteed" : " not guaranteed"));
         if (row.watchesPeople) forecast.keepsApart &= guarantees.has(kind);
-        if (row.isSlow) continue;                                 // addClearances() looks at the one that is
-        const std::unique_ptr<ArmLimit> limit = row.make(scene);  // the names in its sample live as long as it
+        if (row.isSlow) continue;                                        // addClearances() looks at the one that is
+        const std::unique_ptr<ArmLimit> limit = makeLimit(kind, scene);  // the names in its sample live as long as it
         const double none = row.lessIsWorse ? kInfinity : 0.0;
         const LimitSample start = limit->sample({plan.start.q, plan.start.qd, 0.0, false, none});
         if (!start.isBroken) continue;

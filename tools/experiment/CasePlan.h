@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -59,7 +60,8 @@ struct CasePlan {
     /** All plugins, in the order of the data. */
     std::vector<const PluginChoice*> plugins() const;
 
-    ConfigNode resolved;  ///< the case as an experiment file of its own, every default filled in
+    std::set<std::string> libraries;  ///< of the plugins of all cases of the experiment
+    ConfigNode resolved;              ///< the case as an experiment file of its own, every default filled in
 };
 
 }  // namespace viable

@@ -9,6 +9,7 @@
 #include "experiment/StartCheck.h"
 #include "filter/FilterChain.h"
 #include "host/ProcessGuard.h"
+#include "host/WatchedLimit.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 #include "viable/simulation/ArmHardware.h"
@@ -20,12 +21,6 @@ namespace {
 constexpr char kOnConfigure[] =
     "configure() says what is wrong with a parameter by throwing viable::badInput(); anything else must be fixed in "
     "the plugin.";
-
-bool guaranteesPeople(LimitSet guarantees) {
-    const std::vector<LimitKind> kinds = listArmLimits();
-    return std::any_of(kinds.begin(), kinds.end(),
-                       [&](LimitKind kind) { return guarantees.has(kind) && getLimitRow(kind).watchesPeople; });
-}
 
 template <class Interface>
 PluginPtr<Interface> makeHere(const PluginChoice& choice, const RunSetup& setup, PluginWatch& watch) {
@@ -70,7 +65,7 @@ public:
             PluginPtr<Interface> plugin = isolatePlugin<Interface>(
                 [&] { return makeHere<Interface>(choice, setup, *watch); }, *watch, isolation_->watchdog_s);
             if constexpr (std::is_same_v<Interface, SafetyFilter>)
-                if (setup.people && guaranteesPeople(plugin->traits().guarantees))
+                if (setup.people && !(plugin->traits().guarantees & findPeopleLimits()).isEmpty())
                     throw badInput(watch->title,
                                    "in a process of its own it does not see how the people of `environment` move",
                                    "Run it without --isolate, or without `people`.");
@@ -171,6 +166,14 @@ std::unique_ptr<ConfiguredCase> beginCase(const CasePlan& plan) {
 
 LimitScene makeScene(const CasePlan& plan) {
     return {plan.robot, plan.geometry ? &*plan.geometry : nullptr, plan.environment ? &*plan.environment : nullptr};
+}
+
+LimitSet findLimits(const CasePlan& plan) {
+    LimitSet found = findLimits(makeScene(plan));
+    for (const LimitKind kind : listArmLimits())
+        if (const std::string library = findLimitLibrary(kind); !library.empty() && plan.libraries.count(library) == 0)
+            found.set(kind, false);
+    return found;
 }
 
 ConfiguredCase::ConfiguredCase(const CasePlan& casePlan, RunSetup runSetup)

@@ -43,6 +43,8 @@ struct ConfiguredCase {
 
 /** What limits of the whole arm hang on in a case. @param plan  must outlive it */
 LimitScene makeScene(const CasePlan& plan);
+/** The kinds of limits that the case has. Those of a plugin's library only where a case of its experiment uses that. */
+LimitSet findLimits(const CasePlan& plan);
 
 /** Makes and configures the plugins of a case, judges its start, and checks that all fit together. Throws Error:
 BadInput for what the file says, PluginFailed when a plugin throws anything else.

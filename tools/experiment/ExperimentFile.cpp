@@ -152,6 +152,10 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
         });
     }
     errors.throwIfAny(file.string());
+    std::set<std::string> libraries;
+    for (const CasePlan& plan : experiment.cases)
+        for (const PluginChoice* choice : plan.plugins()) libraries.insert(choice->plugin.library);
+    for (CasePlan& plan : experiment.cases) plan.libraries = libraries;
     return experiment;
 }
 

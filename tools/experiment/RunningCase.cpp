@@ -11,6 +11,7 @@
 #include "environment/OccupancyMap.h"
 #include "filter/FilterChain.h"
 #include "host/PythonClass.h"
+#include "host/WatchedLimit.h"
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"
 #include "robot/ArmRecursion.h"
@@ -71,9 +72,9 @@ std::string formatTime(double seconds) {
 
 LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
     const CasePlan& plan = configured.plan;
-    return {plan.robot.jointNames(),     configured.plugins.command->traits().space,
-            plan.realPlant.has_value(),  plan.feedsExternalTorque,
-            findLimits(makeScene(plan)), isLive};
+    return {plan.robot.jointNames(),    configured.plugins.command->traits().space,
+            plan.realPlant.has_value(), plan.feedsExternalTorque,
+            findLimits(plan),           isLive};
 }
 
 LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
@@ -195,11 +196,11 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
                        plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured_->motorRate,
                        configured_->robustRate});
     const LimitScene scene = makeScene(plan);
-    const LimitSet limits = findLimits(scene);
+    const LimitSet limits = findLimits(plan);
     for (const LimitKind kind : listArmLimits()) {
         const LimitRow& row = getLimitRow(kind);
         if (limits.has(kind) && (judgesSlowly || !row.isSlow))
-            counters_.emplace_back(kind, row.make(scene), plan.realPlant.has_value());
+            counters_.emplace_back(kind, makeLimit(kind, scene), plan.realPlant.has_value());
     }
     if (!log.file.empty())
         recorder_ = std::make_unique<Recorder>(

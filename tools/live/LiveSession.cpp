@@ -291,11 +291,12 @@ void LiveSession::work() {
         realTime = enterRealTime(options_.realTime);
         timing_.isRealTime = realTime.isRealTime();
         for (const RealTimeRefusal& refusal : realTime.refusals()) timing_.refusals.push_back(refusal.sentence());
-    } catch (...) {  // there is no memory for a sentence
+        hasEntered_.store(true, std::memory_order_release);
+        makeTicks();
+    } catch (...) {  // such as: there is no memory for a sentence
         failure_ = std::current_exception();
     }
     hasEntered_.store(true, std::memory_order_release);
-    if (!failure_) makeTicks();
     running_.loop().releasePlant();  // now: a robot that hears nothing for long takes it for a fault
     const ControlLoop& loop = running_.loop();
     const bool hasBraked = state_ == LiveState::Stopping && loop.stopReason() == StopReason::Requested &&

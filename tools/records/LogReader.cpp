@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/Text.h"
+#include "log/LimitKinds.h"
 #include "log/LogFields.h"
 #include "log/LogSeries.h"
 #include "log/Mcap.h"
@@ -202,22 +203,10 @@ struct LogReader::Impl {
         return false;
     }
 
-    /** A kind that finds no room here stays unknown, and its channel is skipped like all that is unknown. */
-    static void learnKind(const std::string& kind, const std::string& unit) {
-        try {
-            addLimit(kind, unit, {});
-        } catch (const Error&) {
-        }
-    }
-
     void readMetadata(std::map<std::string, std::string> entries) {
         metadata = std::move(entries);
         const auto kinds = metadata.find(kLimitKindsKey);
-        if (kinds == metadata.end()) return;
-        const nlohmann::json units = nlohmann::json::parse(kinds->second, nullptr, false);
-        if (!units.is_object()) return;
-        for (const auto& [kind, unit] : units.items())
-            if (unit.is_string()) learnKind(kind, unit.get<std::string>());
+        if (kinds != metadata.end()) readLimitKinds(kinds->second);
     }
 
     void readSchema(std::string_view bytes) {

@@ -527,11 +527,16 @@ std::string getPlugin(const LogMetadata& metadata, const std::string& kind) {
     return names;
 }
 
-/** Whether an arm of a case of the summary broke a limit of the whole arm, the nominal or the real one. */
+/** Whether an arm of a case of the summary broke a limit of the whole arm, the nominal or the real one, by its own
+fault: limits without excuses, and summaries of before, do not tell the difference. */
 bool hasBroken(const json& known) {
     for (const LimitKind kind : listArmLimits())
-        for (const char* arm : {"nominal", "real"})
-            if (countBroken(known, kind, arm).value_or(0) > 0) return true;
+        for (const char* arm : {"nominal", "real"}) {
+            const json guilty = findFigure(known, kind, arm, &ArmLimitRecord::violatedTicks);
+            const auto broken =
+                guilty.is_number_integer() ? guilty.get<std::int64_t>() : countBroken(known, kind, arm).value_or(0);
+            if (broken > 0) return true;
+        }
     return false;
 }
 

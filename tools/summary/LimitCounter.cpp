@@ -40,24 +40,8 @@ LimitCounter::LimitCounter(LimitKind kind, std::unique_ptr<ArmLimit> limit, bool
     account_.lastFault.reserve(kLongestName);
 }
 
-/** A plugin's limit that throws has kept nothing: its ticks count as broken, and the account says why. */
-LimitSample LimitCounter::check(const ArmSample& arm) noexcept {
-    LimitSample found;
-    try {
-        found = limit_->sample(arm);
-    } catch (...) {
-        found = {};
-        found.value = arm.worst;
-        found.isBroken = true;
-        found.part = "its check failed";
-    }
-    for (const char** name : {&found.part, &found.other, &found.otherLink})
-        if (!*name) *name = "";
-    return found;
-}
-
 void LimitCounter::sample(ArmTrack& track, ArmLimitRecord& record, const ArmSample& arm) {
-    const LimitSample found = check(arm);
+    const LimitSample found = limit_->sample(arm);
     track.isBroken |= found.isBroken;
     track.isViolated |= found.isBroken && !found.isExcused;
     track.isNear |= found.isNear;

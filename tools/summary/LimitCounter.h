@@ -32,7 +32,6 @@ private:
 
     void follow(ArmTrack& track, ArmLimitRecord& record, const JointState& state, double time_s,
                 const JointVector* torque, const JointVector* nominalTorque);
-    LimitSample check(const ArmSample& arm) noexcept;
     void sample(ArmTrack& track, ArmLimitRecord& record, const ArmSample& arm);
     static void countTick(ArmTrack& track, ArmLimitRecord& record);
 

@@ -320,11 +320,12 @@ json SummaryFigure::getColumn(const CaseResult& result, int joint) const {
 
 const std::vector<SummaryFigure>& listSummaryFigures() {
     static std::mutex making;
-    static std::map<int, const std::vector<SummaryFigure>> byKinds;  // what was told once stays
+    static std::map<std::vector<const LimitRow*>, const std::vector<SummaryFigure>> byRows;  // what was told once stays
     const std::lock_guard<std::mutex> guard(making);
-    const int kinds = countLimitKinds();
-    auto known = byKinds.find(kinds);
-    if (known == byKinds.end()) known = byKinds.emplace(kinds, makeFigures()).first;
+    std::vector<const LimitRow*> rows;
+    for (const LimitKind kind : listArmLimits()) rows.push_back(&getLimitRow(kind));
+    auto known = byRows.find(rows);
+    if (known == byRows.end()) known = byRows.emplace(rows, makeFigures()).first;
     return known->second;
 }
 

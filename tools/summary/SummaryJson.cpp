@@ -1,4 +1,5 @@
 #include "core/JsonNumber.h"
+#include "limits/LimitRows.h"
 #include "summary/SummaryFigures.h"
 
 namespace viable {
@@ -89,6 +90,19 @@ json describe(const CaseResult& r) {
                 put(one, figure.key, joints[i], figure.get(r, static_cast<int>(i)));
     return one;
 }
+
+/** What a case has besides the limits of libraries. */
+[[maybe_unused]] const bool kReserved = detail::reserveLimitNames("something else in summary.json", [] {
+    json one = describe(CaseResult(Summary({"joint"}, JointLimits::unlimited(1), false)));
+    for (const LimitKind kind : listArmLimits()) {
+        if (kind <= kLastOwnLimit) continue;
+        one.erase(getLimitRow(kind).block);
+        one.erase(std::string("guarantees_") + getName(kind, LimitSide::Neither));
+    }
+    std::vector<std::string> keys;
+    for (const auto& [key, value] : one.items()) keys.push_back(key);
+    return keys;
+});
 
 }  // namespace
 

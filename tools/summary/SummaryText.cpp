@@ -273,11 +273,21 @@ std::string formatCommandErrors(const CaseResult& r) {
     return text.empty() ? "" : "  command      " + text + "\n";
 }
 
+/** What a row's function tells, if there is one. That of a library may throw, after a run that shall be told of. */
+template <class Tell, class... Arguments>
+std::string tell(const Tell& function, const Arguments&... arguments) {
+    try {
+        return function ? function(arguments...) : "";
+    } catch (...) {
+        return "(its words failed)";
+    }
+}
+
 /** "the nominal arm collided: link4 ...". @param pattern  of the row, with the arm as %s */
 std::string tellBroken(const LimitRow& row, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
     std::string text = pattern;
     if (const std::size_t at = text.find("%s"); at != std::string::npos) text.replace(at, 2, arm);
-    return text + row.tellWorst(record);
+    return text + tell(row.tellWorst, record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
 }
 
 /** Whether the arms kept a limit of theirs as a whole. */
@@ -288,14 +298,15 @@ std::string formatVerdict(const LimitAccount& account) {
     if (account.real && account.real->brokenTicks > 0)
         text += "; " + tellBroken(row, row.verdict, "real", *account.real);
     if (text.empty()) text = "; " + row.kept;
-    return row.tellInVerdict ? text + row.tellInVerdict(account) : text;
+    return text + tell(row.tellInVerdict, account);
 }
 
 std::string formatAccount(const LimitAccount& account) {
     const LimitRow& row = getLimitRow(account.kind);
-    std::string text = format("  %-13s nominal: ", row.label.c_str()) + row.tellArm(account, account.nominal) + "\n";
-    if (account.real) text += format("  %-13s real: ", "") + row.tellArm(account, *account.real) + "\n";
-    return row.tellMore ? text + row.tellMore(account) : text;
+    std::string text =
+        format("  %-13s nominal: ", row.label.c_str()) + tell(row.tellArm, account, account.nominal) + "\n";
+    if (account.real) text += format("  %-13s real: ", "") + tell(row.tellArm, account, *account.real) + "\n";
+    return text + tell(row.tellMore, account);
 }
 
 /** Of a table: cases may be of different arms. */
@@ -308,13 +319,11 @@ Sliding findSliding(const std::vector<CaseResult>& results) {
 
 /** The kinds of limits of the whole arm that any case counted. */
 std::vector<LimitKind> listCounted(const std::vector<CaseResult>& results) {
-    std::vector<LimitKind> kinds = listArmLimits();
-    const auto isCounted = [&](LimitKind kind) {
-        return std::any_of(results.begin(), results.end(),
-                           [&](const CaseResult& r) { return r.summary.account(kind) != nullptr; });
-    };
-    kinds.erase(std::remove_if(kinds.begin(), kinds.end(), [&](LimitKind kind) { return !isCounted(kind); }),
-                kinds.end());
+    std::vector<LimitKind> kinds;
+    for (const LimitKind kind : listArmLimits())
+        if (std::any_of(results.begin(), results.end(),
+                        [&](const CaseResult& r) { return r.summary.account(kind) != nullptr; }))
+            kinds.push_back(kind);
     return kinds;
 }
 
@@ -614,6 +623,9 @@ std::string formatVerdict(const CaseResult& r) {
         text += (r.guarantees.has(account.kind) ? ", and " : ", no ") + getLimitRow(account.kind).guarantee;
     text += ")" + formatRealVerdict(r);
     for (const LimitAccount& account : r.summary.accounts()) text += formatVerdict(account);
+    for (const LimitKind kind : listArmLimits())
+        if (const LimitRow& row = getLimitRow(kind); r.guarantees.has(kind) && !r.summary.account(kind) && !row.isSlow)
+            text += "; " + row.guarantee + " guaranteed, but not judged";
     return text + formatShortcomings(r);
 }
 
@@ -645,9 +657,10 @@ std::string formatDetails(const CaseResult& r) {
         const LimitRow& row = getLimitRow(kind);
         if (const LimitAccount* account = s.account(kind))
             text += formatAccount(*account);
-        else if (row.isSlow && r.guarantees.has(kind))
-            text +=
-                format("  %-13s not judged: the judge takes longer than a tick of a live run may\n", row.label.c_str());
+        else if (r.guarantees.has(kind))
+            text += format("  %-13s not judged: %s\n", row.label.c_str(),
+                           row.isSlow ? "the judge takes longer than a tick of a live run may"
+                                      : "the filter guarantees it, but nobody counts it in this case");
     }
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",

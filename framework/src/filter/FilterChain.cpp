@@ -6,11 +6,9 @@ namespace viable {
 
 namespace {
 
-bool looksAtPeople(const LimitReports& reports) {
-    for (int k = static_cast<int>(kFirstArmLimit); k < countLimitKinds(); ++k) {
-        const auto kind = static_cast<LimitKind>(k);
-        if (reports[kind].isKnown && getLimitRow(kind).watchesPeople) return true;
-    }
+bool isAnyKnown(const LimitReports& reports, LimitSet kinds) {
+    for (const LimitKind kind : listArmLimits())
+        if (kinds.has(kind) && reports[kind].isKnown) return true;
     return false;
 }
 
@@ -19,6 +17,7 @@ bool looksAtPeople(const LimitReports& reports) {
 void FilterChain::add(PluginPtr<SafetyFilter> filter, PluginWatch* watch) {
     if (filter->traits().guarantees.hasJoints()) guaranteeing_ = static_cast<int>(links_.size());
     links_.push_back({std::move(filter), watch});
+    ofPeople_ = findPeopleLimits();
 }
 
 FilterChain::~FilterChain() {
@@ -45,12 +44,12 @@ void FilterChain::reset(const MotionState& start) {
 }
 
 FilterTraits FilterChain::traits() const {
-    const bool isLast = guaranteeing_ + 1 == static_cast<int>(links_.size());
-    FilterTraits traits =
-        links_[guaranteeing_ < 0 ? links_.size() - 1 : static_cast<std::size_t>(guaranteeing_)].filter->traits();
-    if (guaranteeing_ < 0) traits.guarantees = {};
-    // What comes behind may change a decision within the limits of the joints, and nobody looks again at all others.
-    if (!isLast) traits.guarantees = traits.guarantees & LimitSet::joints();
+    const FilterTraits last = links_.back().filter->traits();
+    if (guaranteeing_ < 0) return last;
+    FilterTraits traits = links_[static_cast<std::size_t>(guaranteeing_)].filter->traits();
+    // What comes behind may change a decision within the limits of the joints, which the monitor sees to. Of all other
+    // limits only the last filter's word holds: its decision, or the one that it passes, is the arm's.
+    traits.guarantees = LimitSet::joints() | last.guarantees;
     return traits;
 }
 
@@ -93,7 +92,7 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
         if (passed && i > 0) {
             candidate_.joints = decision.joints;  // what held the joints back is what did before
-            const bool looks = looksAtPeople(candidate_.reports);
+            const bool looks = isAnyKnown(candidate_.reports, ofPeople_);
             candidate_.reports.complete(decision.reports);  // and so is what was seen of the same motion
             if (!looks) candidate_.peopleFaults = decision.peopleFaults;
         }

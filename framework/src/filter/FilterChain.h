@@ -33,7 +33,7 @@ public:
 
     void configure(const RunSetup&, const Parameters&) override {}  // its filters are, before add()
     void reset(const MotionState& start) override;
-    /** Of the filter that guarantees, or of the last. */
+    /** Of the filter that guarantees, or of the last; with what the last guarantees beyond the limits of the joints. */
     FilterTraits traits() const override;
     bool changeLimits(const JointLimits& limits) override;
     void skipTicks(std::int64_t ticks) override;
@@ -50,6 +50,7 @@ private:
 
     std::vector<Link> links_;
     int guaranteeing_ = -1;
+    LimitSet ofPeople_;  // kinds that watch people
     std::size_t answerable_ = 0;
     const double tick_s_;
     std::int64_t tick_ = kBeforeFirstTick;

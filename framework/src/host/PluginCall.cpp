@@ -90,6 +90,8 @@ const char* nameCall(std::int64_t tick) {
             return "while it was asked what it is";
         case kResetting:
             return "in reset()";
+        case kJudging:
+            return "while it judged an arm";
         default:
             return tick < 0 ? "before the first tick" : "in a tick";
     }

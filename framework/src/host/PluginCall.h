@@ -48,6 +48,7 @@ inline constexpr std::int64_t kMaking = -4;
 inline constexpr std::int64_t kConfiguring = -5;
 inline constexpr std::int64_t kAsking = -6;  ///< what it guarantees, follows, ...: once, after configure()
 inline constexpr std::int64_t kResetting = -7;
+inline constexpr std::int64_t kJudging = -8;  ///< of a kind of limit: it judges an arm, outside of the ticks
 /** When that is, as in "it crashed while it was made", "in reset()". A literal. */
 const char* nameCall(std::int64_t tick);
 
@@ -99,6 +100,19 @@ inline constexpr char kOnValues[] =
     "number), or a status that says that there is none.";
 inline constexpr char kOnArithmeticChange[] =
     "Set the modes back before the function returns, and compile without -ffast-math.";
+
+/** Runs a plugin's code; what it throws, in words: "threw: ..."; empty: nothing. */
+template <class Work>
+std::string describeThrow(const Work& work) {
+    try {
+        work();
+    } catch (const std::exception& e) {
+        return std::string("threw: ") + e.what();
+    } catch (...) {
+        return "threw something other than a std::exception";
+    }
+    return "";
+}
 
 /** Marks that a plugin's code runs, from construction to destruction; may be nested. Watches what it leaves behind.
 Real time: no allocation, lock or throw, some ten nanoseconds; the thread's first one sets up its slot. */

@@ -25,6 +25,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <system_error>
 
 #include "core/ChildProcess.h"
@@ -374,41 +375,51 @@ void checkTable(const PluginLibrary* library) {
             throw Refusal{self + "(" + quoted(entry.name) + ") has no " +
                               (entry.create == nullptr ? "create" : "destroy") + " function",
                           remedy};
-        checkParameters(entry);
     }
+}
+
+using TableFunction = const PluginLibrary* (*)();
+
+/** Runs code of the library; whatever it throws becomes a Refusal that begins with `what`. */
+template <class Work>
+void runForeign(const std::string& what, const char* remedy, const Work& work) {
+    if (const std::string thrown = describeThrow(work); !thrown.empty()) throw Refusal{what + " " + thrown, remedy};
+}
+
+/** The library's checked table. Until the stamp is known to be equal its code hands over plain data only. */
+const PluginLibrary* openTable(TableFunction getTable) {
+    const PluginLibrary* library = nullptr;
+    runForeign(std::string(kPluginSymbol) + "()", "Use VIABLE_PLUGIN() to export the plugin",
+               [&] { library = getTable(); });
+    checkTable(library);
+    static std::mutex opening;
+    static std::set<const PluginLibrary*> opened;
+    const std::lock_guard<std::mutex> lock(opening);
+    if (library->open && opened.count(library) == 0)
+        runForeign("the function that describes its options and adds its kinds of limits", "", library->open);
+    for (std::uint32_t i = 0; i < library->entryCount; ++i) checkParameters(library->entries[i]);
+    opened.insert(library);
+    return library;
 }
 
 // --- Loading ------------------------------------------------------------------------------------
 
-/** What the start-up code of libraries changed. They stay in the process, so that code does not run again when somebody
-asks for them a second time: only this memory tells it then. */
-class LoadChanges {
-public:
-    std::string find(const std::string& library) {
-        const std::lock_guard<std::mutex> lock(mutex_);
-        const auto it = changes_.find(library);
-        return it == changes_.end() ? std::string() : it->second;
-    }
-    void add(const std::string& library, const std::string& change) {
-        const std::lock_guard<std::mutex> lock(mutex_);
-        changes_[library] = change;
-    }
-
-private:
-    std::mutex mutex_;
-    std::map<std::string, std::string> changes_;
+/** What the start-up code of a library changed. */
+struct LoadChange {
+    std::string arithmetic;  ///< such a library is refused
+    std::string process;     ///< of what the whole program shares (see ProcessGuard)
 };
 
-/** Changes of the floating point arithmetic: such a library is refused. */
-LoadChanges& updArithmeticChanges() {
-    static LoadChanges changes;
-    return changes;
-}
-
-/** Changes of what the whole program shares (see ProcessGuard). */
-LoadChanges& updProcessChanges() {
-    static LoadChanges changes;
-    return changes;
+/** What is known of a library, with what is not empty in `more`. Libraries stay in the process, so that their start-up code
+does not run again when somebody asks for them a second time: only this memory tells it then. */
+LoadChange updLoadChange(const std::string& library, const LoadChange& more = {}) {
+    static std::mutex changing;
+    static std::map<std::string, LoadChange> changes;
+    const std::lock_guard<std::mutex> lock(changing);
+    LoadChange& known = changes[library];
+    if (!more.arithmetic.empty()) known.arithmetic = more.arithmetic;
+    if (!more.process.empty()) known.process = more.process;
+    return known;
 }
 
 /** Refuses a library that needs a sanitizer's runtime which this program has not: that runtime would end the program
@@ -452,8 +463,6 @@ void* openLibrary(const fs::path& file, int more = 0) {
     return dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE | more);
 }
 
-using TableFunction = const PluginLibrary* (*)();
-
 /** Opens the library in a process of its own. Throws Error when that one does not come back from its start-up code. */
 void tryLibrary(const fs::path& file, double timeout_s) {
     if (openLibrary(file, RTLD_NOLOAD)) return;  // it is open: its start-up code has run
@@ -466,7 +475,7 @@ void tryLibrary(const fs::path& file, double timeout_s) {
         try {
             void* const handle = openLibrary(file);  // what the linker refuses is told below
             if (void* const symbol = handle ? dlsym(handle, kPluginSymbol) : nullptr)
-                reinterpret_cast<TableFunction>(symbol)();
+                openTable(reinterpret_cast<TableFunction>(symbol));
         } catch (...) {  // likewise
         }
         *hasOpened = true;
@@ -495,11 +504,11 @@ const PluginLibrary* loadTable(const fs::path& file, double trial_s) {
     checkSanitizer(file);
     if (trial_s > 0.0) tryLibrary(file, trial_s);
 
-    std::string change = updArithmeticChanges().find(file);
+    std::string change = updLoadChange(file).arithmetic;
     std::string failure;
+    std::optional<Refusal> refusal;
     void* handle = nullptr;
     const PluginLibrary* library = nullptr;
-    bool hasSymbol = false;
     {
         FloatingPointGuard guard;
         ProcessGuard processGuard;
@@ -511,20 +520,17 @@ const PluginLibrary* loadTable(const fs::path& file, double trial_s) {
             const char* text = dlerror();
             failure = text ? text : "no reason given";
         } else if (void* symbol = dlsym(handle, kPluginSymbol)) {
-            hasSymbol = true;
             try {
-                library = reinterpret_cast<TableFunction>(symbol)();
-            } catch (const std::exception& e) {
-                failure = std::string(kPluginSymbol) + "() threw: " + e.what();
-            } catch (...) {
-                failure = std::string(kPluginSymbol) + "() threw something other than a std::exception";
+                library = openTable(reinterpret_cast<TableFunction>(symbol));
+            } catch (const Refusal& found) {
+                refusal = found;
             }
+        } else {
+            refusal = {std::string("it has no function ") + kPluginSymbol + "(), so it is not a viable plugin",
+                       "Add VIABLE_PLUGIN(...) to one of its source files"};
         }
-        if (const std::string changed = processGuard.undo(); !changed.empty()) updProcessChanges().add(file, changed);
-        if (change.empty()) {
-            change = guard.describeChange();
-            if (!change.empty()) updArithmeticChanges().add(file, change);
-        }
+        if (change.empty()) change = guard.describeChange();
+        updLoadChange(file, {change, processGuard.undo()});
     }
     if (handle == nullptr) refuseUnlinked(failure);
     if (!change.empty())
@@ -534,11 +540,7 @@ const PluginLibrary* loadTable(const fs::path& file, double trial_s) {
                 change + "; set back)",
             "Compile and link it without -ffast-math and -Ofast, and change no floating "
             "point mode in static objects"};
-    if (!hasSymbol)
-        throw Refusal{std::string("it has no function ") + kPluginSymbol + "(), so it is not a viable plugin",
-                      "Add VIABLE_PLUGIN(...) to one of its source files"};
-    if (!failure.empty()) throw Refusal{failure, "Use VIABLE_PLUGIN() to export the plugin"};
-    checkTable(library);
+    if (refusal) throw *refusal;
     return library;
 }
 
@@ -701,7 +703,7 @@ PluginInfo findPython(PluginKind kind, const std::string& request, const std::st
 }  // namespace
 
 std::string findLoadChange(const fs::path& library) {
-    return updProcessChanges().find(library);
+    return updLoadChange(library).process;
 }
 
 const char* getName(PluginKind kind) {
@@ -833,13 +835,8 @@ void* PluginLoader::createObject(const PluginInfo& info) {
         FloatingPointGuard guard;
         PluginWatch watch(info);
         const PluginCall call(&watch, kMaking);
-        try {
-            object = info.entry->create(message, sizeof message);
-        } catch (const std::exception& e) {
-            failure = std::string("its create function threw: ") + e.what();
-        } catch (...) {
-            failure = "its create function threw something other than a std::exception";
-        }
+        const std::string thrown = describeThrow([&] { object = info.entry->create(message, sizeof message); });
+        if (!thrown.empty()) failure = "its create function " + thrown;
         change = guard.describeChange();
     }
     if (object == nullptr) {

@@ -19,10 +19,6 @@ using detail::formatPlain;
 
 constexpr int kFirst = static_cast<int>(kFirstArmLimit);
 
-/** The log's channels that are of no limit. */
-constexpr const char* kOtherChannels[] = {"nominal", "real",     "actual",  "desired", "filter", "limits", "robust",
-                                          "motor",   "external", "command", "live",    "pace",   "tick"};
-
 /** "rad/s^2" as names have it: "radps2". */
 std::string makeSuffix(const std::string& unit) {
     std::string suffix;
@@ -113,41 +109,73 @@ RowTable& getRows() {
     return rows;
 }
 
+struct ReservedNames {
+    const char* what;
+    std::vector<std::string> (*list)();
+};
+
+std::vector<ReservedNames>& updReserved() {
+    static std::vector<ReservedNames>& reserved = *new std::vector<ReservedNames>;
+    return reserved;
+}
+
+/** What has the name of a kind, or of its block, already; null: nothing has. */
+const char* findOther(const std::string& name, const std::string& block) {
+    for (const LimitKind kind : listArmLimits())
+        if (name != getName(kind, LimitSide::Neither) && block == getLimitRow(kind).block)
+            return "another limit's block";
+    for (const ReservedNames& reserved : updReserved())
+        for (const std::string& taken : reserved.list())
+            if (taken == name || taken == block) return reserved.what;
+    return nullptr;
+}
+
 }  // namespace
+
+bool detail::reserveLimitNames(const char* what, std::vector<std::string> (*list)()) {
+    updReserved().push_back({what, list});
+    return true;
+}
 
 LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row) {
     RowTable& rows = getRows();
+    const auto refuse = [&](const std::string& what) {
+        throw badInput("kind of limit '" + name + "'", "that is " + what, "Choose another name.");
+    };
+    if (const char* other = findOther(name, row.block.empty() ? name : row.block))
+        refuse(std::string("the name of ") + other);
     const std::lock_guard<std::mutex> guard(rows.adding);
-    for (const char* channel : kOtherChannels)
-        if (name == channel)
-            throw badInput("kind of limit '" + name + "'", "that is the name of another channel of the log",
-                           "Choose another name.");
     const LimitKind kind = addLimitKind(name, unit);
-    if (kind < kFirstArmLimit)
-        throw badInput("kind of limit '" + name + "'", "that is a limit of the joints", "Choose another name.");
+    if (kind < kFirstArmLimit) refuse("a limit of the joints");
     const LimitRow* const old = rows.at(kind);
-    if (!old || (!old->make && row.make)) rows.set(kind, std::move(row));
+    if (!old || !old->make) rows.set(kind, std::move(row));
     return kind;
 }
 
 const LimitRow& getLimitRow(LimitKind kind) {
     RowTable& rows = getRows();
     if (const LimitRow* row = rows.at(kind)) return *row;
-    addLimit(getName(kind, LimitSide::Neither), getUnit(kind, false), {});
+    const std::lock_guard<std::mutex> guard(rows.adding);
+    if (!rows.at(kind)) rows.set(kind, {});
     return *rows.at(kind);
 }
 
-std::vector<LimitKind> listArmLimits() {
-    std::vector<LimitKind> kinds;
-    for (int k = kFirst; k < countLimitKinds(); ++k) kinds.push_back(static_cast<LimitKind>(k));
-    return kinds;
+LimitSet findPeopleLimits() {
+    LimitSet found;
+    for (const LimitKind kind : listArmLimits()) found.set(kind, getLimitRow(kind).watchesPeople);
+    return found;
 }
 
 LimitSet findLimits(const LimitScene& scene) {
     LimitSet found;
     for (const LimitKind kind : listArmLimits()) {
         const LimitRow& row = getLimitRow(kind);
-        found.set(kind, row.make && (!row.exists || row.exists(scene)));
+        try {
+            found.set(kind, row.make && (!row.exists || row.exists(scene)));
+        } catch (const std::exception& e) {
+            throw Error(ErrorKind::PluginFailed, std::string("the limit '") + getName(kind, LimitSide::Neither) + "'",
+                        std::string("could not say whether a case has it: ") + e.what());
+        }
     }
     return found;
 }

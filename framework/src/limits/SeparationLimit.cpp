@@ -237,6 +237,7 @@ LimitRow makeSeparationRow() {
                    {"protective_m", &A::worst, "protective_m", "m", "Least gap to what was too fast"},
                    {"protective_s", &A::worst_s},
                    {"touched_ticks", &A::nearTicks},
+                   {"ticks_at_fault", &A::violatedTicks},
                    {"fastest_touch_mps", &A::largest},
                    {"first_too_fast_s", &A::firstBroken_s},
                    {"part", &A::part},

@@ -1,9 +1,10 @@
 #include "log/LogFields.h"
 
 #include <limits>
+#include <map>
 #include <mutex>
 
-#include "viable/limits/ArmLimit.h"
+#include "limits/LimitRows.h"
 
 namespace viable {
 
@@ -171,31 +172,25 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
     return false;
 }
 
-/** Logs of plugin interface 5 and before say `returning`. */
-std::string_view takeOldWord(std::string_view word) {
-    return word == "returning" ? "recovering" : word;
+template <class Word>
+bool setWord(Word& to, std::string_view word, std::initializer_list<Word> all) {
+    if (word == "returning") word = "recovering";  // in logs of plugin interface 5 and before
+    for (const Word one : all) {
+        if (word != getName(one)) continue;
+        to = one;
+        return true;
+    }
+    return false;
 }
 
 bool setStatus(TickRecord& record, int, std::string_view word) {
-    word = takeOldWord(word);
-    for (const FilterStatus status :
-         {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan, FilterStatus::Recovering,
-          FilterStatus::Infeasible, FilterStatus::InvalidInput, FilterStatus::Faulted, FilterStatus::Ended}) {
-        if (word != getName(status)) continue;
-        record.status = status;
-        return true;
-    }
-    return false;
+    return setWord(record.status, word,
+                   {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::StoppedByPlan, FilterStatus::Recovering,
+                    FilterStatus::Infeasible, FilterStatus::InvalidInput, FilterStatus::Faulted, FilterStatus::Ended});
 }
 
 bool setVerdict(TickRecord& record, int, std::string_view word) {
-    word = takeOldWord(word);
-    for (const StopVerdict verdict : {StopVerdict::Safe, StopVerdict::Recovering, StopVerdict::NoStop}) {
-        if (word != getName(verdict)) continue;
-        record.verdict = verdict;
-        return true;
-    }
-    return false;
+    return setWord(record.verdict, word, {StopVerdict::Safe, StopVerdict::Recovering, StopVerdict::NoStop});
 }
 
 /** "position_lower_rad", "position_upper_rad", ...: both sides of each limit. */
@@ -372,21 +367,41 @@ std::vector<LogChannel> declareChannels() {
 
 }  // namespace
 
+namespace {
+
+/** The channels that are of no limit of the whole arm. */
+const std::vector<LogChannel>& listOtherChannels() {
+    static const auto& channels = *new std::vector<LogChannel>(declareChannels());  // never destroyed, see below
+    return channels;
+}
+
+[[maybe_unused]] const bool kReserved = detail::reserveLimitNames("a channel of the log", [] {
+    std::vector<std::string> names;
+    for (const LogChannel& channel : listOtherChannels()) names.push_back(channel.name);
+    return names;
+});
+
+}  // namespace
+
 std::vector<const LogChannel*> listLogChannels() {
     // Never destroyed: a log is finished even while exit() runs (Recorder::rescueAll).
     static std::mutex& adding = *new std::mutex;
-    static auto& channels = *new std::vector<const LogChannel*>;
-    static int kinds = static_cast<int>(kFirstArmLimit);
+    static auto& ofLimits = *new std::map<const LimitRow*, const LogChannel>;
     const std::lock_guard<std::mutex> guard(adding);
-    if (channels.empty()) {
-        for (LogChannel& channel : declareChannels()) {
-            if (channel.name == "limits")  // those of the whole arm stand before those of the joints
-                while (kinds <= static_cast<int>(kLastOwnLimit))
-                    channels.push_back(new LogChannel(declareLimit(static_cast<LimitKind>(kinds++))));
-            channels.push_back(new LogChannel(std::move(channel)));
-        }
+    std::vector<const LogChannel*> channels;
+    const auto addLimits = [&](bool isOwn) {
+        for (const LimitKind kind : listArmLimits())
+            if (const LimitRow* row = &getLimitRow(kind); (kind <= kLastOwnLimit) == isOwn) {
+                auto known = ofLimits.find(row);
+                if (known == ofLimits.end()) known = ofLimits.emplace(row, declareLimit(kind)).first;
+                channels.push_back(&known->second);
+            }
+    };
+    for (const LogChannel& channel : listOtherChannels()) {
+        if (channel.name == "limits") addLimits(true);  // those of the whole arm stand before those of the joints
+        channels.push_back(&channel);
     }
-    while (kinds < countLimitKinds()) channels.push_back(new LogChannel(declareLimit(static_cast<LimitKind>(kinds++))));
+    addLimits(false);
     return channels;
 }
 

@@ -47,9 +47,6 @@ struct LogField {
     std::string getSchemaType() const;
 };
 
-/** Key in the metadata: the kinds of limits that were added to those of this program, with their units. */
-inline constexpr char kLimitKindsKey[] = "limit_kinds";
-
 /** A source of quantities: an MCAP channel with a message type of its own. */
 struct LogChannel {
     std::string name;     ///< "nominal": topic "/nominal", columns "nominal...."
@@ -66,8 +63,8 @@ struct LogChannel {
 };
 
 /** The declaration of everything that is logged, in the order of the CSV columns. Schemas,
-encoding, decoding and columns all follow from it. What is told stays as long as the program; kinds of limits that are added
-later come behind. */
+encoding, decoding and columns all follow from it. What is told stays as long as the program. Kinds of limits that are added
+later come behind; one whose row is another now has another channel. */
 std::vector<const LogChannel*> listLogChannels();
 
 }  // namespace viable

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "core/WholeFile.h"
+#include "log/LimitKinds.h"
 #include "log/LogMessage.h"
 #include "log/Mcap.h"
 #include "viable/core/Error.h"
@@ -105,17 +106,6 @@ std::unique_ptr<LogSink> createLogFile(const std::filesystem::path& file) {
                 "Choose a folder that exists and may be written to");
 }
 
-/** With the kinds of limits that a reader may not know. */
-std::map<std::string, std::string> addLimitNames(std::map<std::string, std::string> metadata) {
-    nlohmann::json units = nlohmann::json::object();
-    for (int k = static_cast<int>(kLastOwnLimit) + 1; k < countLimitKinds(); ++k) {
-        const auto kind = static_cast<LimitKind>(k);
-        units[getName(kind, LimitSide::Neither)] = getUnit(kind, false);
-    }
-    if (!units.empty()) metadata[kLimitKindsKey] = units.dump();
-    return metadata;
-}
-
 struct LogWriter::Impl {
     Impl(std::unique_ptr<LogSink> target, const LogOpening& opening) : sink(std::move(target)), layout(opening.layout) {
         const auto n = layout.jointNames.size();
@@ -197,7 +187,9 @@ struct LogWriter::Impl {
         metadataOffset = out.bytes.size();
         record = out.begin(kMetadata);
         out.putString(kMetadataName);
-        out.putMap(addLimitNames(opening.metadata));
+        std::map<std::string, std::string> metadata = opening.metadata;
+        if (const std::string kinds = writeLimitKinds(); !kinds.empty()) metadata[kLimitKindsKey] = kinds;
+        out.putMap(metadata);
         out.end(record);
         metadataLength = out.bytes.size() - metadataOffset;
 

@@ -226,12 +226,17 @@ TEST_F(Chain, AChangeOfArithmeticIsThatFiltersAndUndone) {
     EXPECT_EQ(never.seen.size(), 0);
 }
 
-TEST_F(Chain, GuaranteesClearanceOnlyWhenNothingComesBehind) {
+TEST_F(Chain, GuaranteesClearanceOnlyWhereItsLastFilterDoes) {
+    const LimitSet clearance{LimitKind::Clearance};
+    add(pass).clearance = 0.1;
+    EXPECT_EQ(chain_.traits().guarantees, clearance);
     add(pass, true).clearance = 0.1;
-    EXPECT_TRUE(chain_.traits().guarantees.has(LimitKind::Clearance));
+    EXPECT_EQ(chain_.traits().guarantees, LimitSet::joints() | clearance);
     add(pass);
-    EXPECT_FALSE(chain_.traits().guarantees.has(LimitKind::Clearance));
-    EXPECT_TRUE(chain_.traits().guarantees.hasJoints());
+    EXPECT_EQ(chain_.traits().guarantees, LimitSet::joints());
+    add(pass).clearance = 0.1;
+    EXPECT_EQ(chain_.traits().guarantees, LimitSet::joints() | clearance);
+    EXPECT_EQ(chain_.guaranteeing(), 1);
 }
 
 TEST_F(Chain, EndedEndsAChainOnlyWhereNobodyGuarantees) {

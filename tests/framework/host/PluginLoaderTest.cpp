@@ -607,6 +607,16 @@ TEST(PluginLoader, Fault41_InvalidParameterTables) {
     EXPECT_TRUE(holds(findBroken("empty_range"), "declares 'gain' with the empty range [2, 1]"));
 }
 
+TEST(PluginLoader, ALibraryIsOpenedOnceItsStampIsRightAndItsThrowRefusesIt) {
+    const std::string text =
+        "viable_filter_open_throws.so cannot be used: the function that describes its options and "
+        "adds its kinds of limits threw: no options today";
+    for (int k = 0; k < 2; ++k) EXPECT_TRUE(holds(findBroken("open_throws"), text));
+    EXPECT_TRUE(holds(findBroken("opens_another_build"), "hash over the layout of shared types"));
+    EXPECT_TRUE(holds(findBroken("limit_of_taken_name"), "kind of limit 'motor': that is the name of "));
+    EXPECT_TRUE(holds(findBroken("limit_of_taken_name"), "Choose another name."));
+}
+
 TEST(PluginLoader, KindAndNameMustBeThoseOfTheFile) {
     EXPECT_TRUE(holds(findBroken("wrong_kind"),
                       "by its file name it is the filter 'wrong_kind', by its table the controller "

@@ -28,7 +28,7 @@ public:
         start_ = {robot_.home, JointVector::Zero(n), JointVector::Zero(n)};
         startTool_ = poseOf(start_.q);
         const ConfigNode root = parseConfig("command: {" + parameters + "}\n", "experiment.yaml");
-        const PluginEntry& entry = viable_plugin_library()->entries[0];
+        const PluginEntry& entry = testing::openOwnPlugin();
         source_.configure({robot_, robot_.limits, 0.001, 1.0, start_, startTool_},
                           readParameters(*root.find("command"), entry.parameters, entry.parameterCount, n));
         source_.observe(start_.q, start_.q);

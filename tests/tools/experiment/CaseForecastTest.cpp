@@ -6,6 +6,7 @@
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
+#include "Paths.h"
 #include "config/Draws.h"
 #include "viable/robot/RobotModel.h"
 
@@ -38,6 +39,17 @@ std::string joinWarnings(const CaseForecast& told) {
     std::string all;
     for (const std::string& warning : told.warnings) all += warning + "\n";
     return all;
+}
+
+TEST(CaseLimits, AKindOfALibraryIsOfExperimentsThatUseIt) {
+    std::string text = test::kOneJoint;
+    const std::string cases = "cases: {A: {}}";
+    text.replace(text.find(cases), cases.size(),
+                 "cases: {A: {}, B: {filter: {plugin: " VIABLE_BROKEN_PLUGIN_DIR "/viable_filter_upright.so}}}");
+    const Experiment with = readTestExperiment(text), without = readTestExperiment(test::kOneJoint);
+    const LimitSet upright{addLimitKind("upright", "deg")};
+    for (const CasePlan& plan : with.cases) EXPECT_EQ(findLimits(plan), upright) << plan.name;
+    EXPECT_TRUE(findLimits(without.cases.front()).isEmpty());
 }
 
 TEST(Forecast, OfAnArmThatIsWellTellsGainsAndMotorsAndWarnsOfNothing) {

@@ -293,6 +293,16 @@ TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
     EXPECT_EQ(one["ok"], false);
 }
 
+TEST(RunReport, WhatIsNoFaultOfTheArmIsNotHeldAgainstIt) {
+    const RunFolder run(test::kOneJoint);
+    json summary = json::parse(std::ifstream(run.path() / "summary.json"));
+    for (const int guilty : {0, 1}) {
+        summary["cases"][0]["people"]["nominal"] = {{"ticks_too_fast", 5}, {"ticks_at_fault", guilty}};
+        std::ofstream(run.path() / "summary.json") << summary;
+        EXPECT_EQ(run.report().data["cases"][0]["ok"], guilty == 0);
+    }
+}
+
 TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
     const RunFolder run(test::kOneJoint);
     EXPECT_EQ(run.report().data["cases"][0]["ok"], true);

@@ -49,6 +49,36 @@ struct HandMadeRun {
     nlohmann::json json() const { return nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]; }
 };
 
+TEST(Summary, NoKindOfLimitCanHaveANameThatStandsThereAlready) {
+    const int before = countLimitKinds();
+    const nlohmann::json one = HandMadeRun().json();
+    for (const char* key : {"motors", "tracking", "limits", "ticks", "trip"}) EXPECT_TRUE(one.contains(key)) << key;
+    for (const auto& [key, value] : one.items()) EXPECT_THROW(addLimit(key, "", {}), Error) << key;
+    EXPECT_EQ(countLimitKinds(), before);
+}
+
+TEST(Summary, AGuaranteeThatNobodyCountsIsNotJudged) {
+    HandMadeRun run;
+    run.add(0.0, FilterStatus::Passed, StopVerdict::Safe);
+    run.result.guarantees.set(LimitKind::Speed);
+    expectContains(formatVerdict(run.result), {"; speeds of points guaranteed, but not judged"});
+    expectContains(formatDetails(run.result), {"not judged: the filter guarantees it, but nobody counts it"});
+}
+
+TEST(Summary, ATouchThatIsNoFaultOfTheArmIsSaidToBeNone) {
+    HandMadeRun run;
+    run.add(0.0, FilterStatus::Passed, StopVerdict::Safe);
+    LimitAccount account;
+    account.kind = LimitKind::Speed;
+    account.nominal.brokenTicks = 2;
+    CaseResult guilty = run.result;
+    run.result.summary.addAccount(account);
+    expectContains(formatVerdict(run.result), {"points of the nominal arm were too fast: ", ", no fault of the arm"});
+    account.nominal.violatedTicks = 1;
+    guilty.summary.addAccount(account);
+    EXPECT_EQ(formatVerdict(guilty).find("no fault of the arm"), std::string::npos);
+}
+
 // On its backup stop, at rest and with a limit that acts: asked to move.
 TEST(Summary, AnArmThatStandsOnItsBackupStopIsNamed) {
     HandMadeRun run;

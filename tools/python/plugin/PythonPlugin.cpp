@@ -150,11 +150,11 @@ constexpr char kSummary[] = "A class in Python.";
 extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {
     using namespace viable;
     static const PluginEntry entries[] = {
-        makePluginEntry<CommandSource, python::PythonCommand, NoOptions>(python::kName, python::kSummary),
-        makePluginEntry<NominalController, python::PythonController, NoOptions>(python::kName, python::kSummary),
-        makePluginEntry<SafetyFilter, python::PythonFilter, NoOptions>(python::kName, python::kSummary),
+        makePluginEntry<CommandSource, python::PythonCommand>(python::kName, python::kSummary),
+        makePluginEntry<NominalController, python::PythonController>(python::kName, python::kSummary),
+        makePluginEntry<SafetyFilter, python::PythonFilter>(python::kName, python::kSummary),
     };
-    static const PluginLibrary library = {kPluginMagic,        sizeof(PluginLibrary), makeAbiStamp(),
-                                          sizeof(PluginEntry), std::size(entries),    entries};
+    static const PluginLibrary library = {
+        kPluginMagic, sizeof(PluginLibrary), makeAbiStamp(), sizeof(PluginEntry), std::size(entries), entries, nullptr};
     return &library;
 }

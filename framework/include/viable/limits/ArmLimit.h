@@ -172,10 +172,10 @@ struct LimitScene {
 /** A column of a kind's channel in the log: its name, with the unit, and the member that it holds. Names of points stand
 without the unit: "on_arm" becomes "on_arm.x_m" and so on. */
 struct LimitColumn {
+    using Member = std::variant<bool LimitReport::*, int LimitReport::*, double LimitReport::*,
+                                Eigen::Vector3d LimitReport::*, std::int64_t PeopleFaults::*, int PeopleFaults::*>;
     std::string name;
-    std::variant<bool LimitReport::*, int LimitReport::*, double LimitReport::*, Eigen::Vector3d LimitReport::*,
-                 std::int64_t PeopleFaults::*, int PeopleFaults::*>
-        member;
+    Member member;
 };
 
 /** A figure of each arm in summary.json, and with a column also in a sweep's table. */
@@ -190,7 +190,7 @@ struct LimitFigure {
 
 /** All that the program says of a kind of limit. Members that are left empty follow from name and unit. */
 struct LimitRow {
-    /** Null: every case has it. */
+    /** Null: every case has it; of a plugin's library, every case of an experiment with a case that uses that. */
     bool (*exists)(const LimitScene& scene) = nullptr;
     /** Null: nobody counts it. */
     std::unique_ptr<ArmLimit> (*make)(const LimitScene& scene) = nullptr;
@@ -232,15 +232,34 @@ struct LimitRow {
 };
 
 /** Adds a kind of limit, and with it its log channel, figures, words, verdict and exit code. A plugin's library adds its
-kinds as it is loaded: `const viable::LimitKind kUpright = viable::addLimit("upright", "deg", makeRow());`. A kind of that
-name which nobody counts yet gets the row. Throws as addLimitKind(). Any thread. */
+kinds in a function that VIABLE_PLUGIN names, `void addLimits() { kUpright = viable::addLimit("upright", "deg", makeRow()); }`.
+The row takes the place of one that nobody counts. Throws as addLimitKind(). Any thread. */
 LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row);
 
 /** The row of a kind from kFirstArmLimit on. Any thread; lives for ever. */
 const LimitRow& getLimitRow(LimitKind kind);
 
-/** All kinds that are of the whole arm, in their order. */
-std::vector<LimitKind> listArmLimits();
+/** All kinds that are of the whole arm, in their order, to be looped over. Real time. */
+class ArmLimitRange {
+public:
+    struct Iterator {
+        int kind;
+        LimitKind operator*() const { return static_cast<LimitKind>(kind); }
+        void operator++() { ++kind; }
+        bool operator!=(Iterator other) const { return kind != other.kind; }
+    };
+    Iterator begin() const { return {static_cast<int>(kFirstArmLimit)}; }
+    Iterator end() const { return {end_}; }
+
+private:
+    int end_ = countLimitKinds();
+};
+inline ArmLimitRange listArmLimits() {
+    return {};
+}
+
+/** The kinds that watch people. */
+LimitSet findPeopleLimits();
 
 /** The kinds that a case has. */
 LimitSet findLimits(const LimitScene& scene);

@@ -50,9 +50,9 @@ struct AbiStamp {
 /** One plugin in a library. */
 struct PluginEntry {
     PluginKind kind;
-    const char* name;     ///< snake_case; equals the folder's and the library's name
-    const char* summary;  ///< one sentence
-    const ParameterSpec* parameters;
+    const char* name;                 ///< snake_case; equals the folder's and the library's name
+    const char* summary;              ///< one sentence
+    const ParameterSpec* parameters;  ///< once the library's open() has run
     std::uint64_t parameterCount;
     /** A new plugin as a pointer to its interface class, or null with a reason in `message`. Never
      * throws. */
@@ -69,6 +69,9 @@ struct PluginLibrary {
     std::uint32_t entrySize;  ///< sizeof(PluginEntry)
     std::uint32_t entryCount;
     const PluginEntry* entries;
+    /** Fills the entries' parameters and adds the library's kinds of limits. The host calls it once, when the stamp is
+    equal; a throw refuses the library. Null: nothing is left to do. */
+    void (*open)();
 };
 
 /** The one symbol that the host looks up: `extern "C" const viable::PluginLibrary*
@@ -198,17 +201,22 @@ struct NoOptions {
     void describe(V&) {}
 };
 
-/** The entry for `Class`, which implements `Interface` and reads `Options`. */
-template <class Interface, class Class, class Options>
+inline void addNoLimits() {}
+
+/** The entry for `Class`, which implements `Interface`; without its parameters. */
+template <class Interface, class Class>
 PluginEntry makePluginEntry(const char* name, const char* summary) {
-    const std::vector<ParameterSpec>& parameters = settingsOf<Options>();
-    return {detail::kindOf<Interface>(),
-            name,
-            summary,
-            parameters.data(),
-            parameters.size(),
-            &detail::createPlugin<Interface, Class>,
+    return {detail::kindOf<Interface>(),      name, summary, nullptr, 0, &detail::createPlugin<Interface, Class>,
             &detail::destroyPlugin<Interface>};
+}
+
+/** The work of PluginLibrary::open() for a library with one entry, which reads `Options`. */
+template <class Options, void (*addLimits)() = addNoLimits>
+void openPlugin(PluginEntry& entry) {
+    const std::vector<ParameterSpec>& parameters = settingsOf<Options>();
+    entry.parameters = parameters.data();
+    entry.parameterCount = parameters.size();
+    addLimits();
 }
 
 }  // namespace viable
@@ -216,16 +224,18 @@ PluginEntry makePluginEntry(const char* name, const char* summary) {
 #define VIABLE_PLUGIN_VISIBLE __attribute__((visibility("default")))
 
 /** Makes the library a plugin: once per library, outside any namespace. `Options` is a struct with describe() (see
-config/Settings.h); without any: viable::NoOptions.
+config/Settings.h); without any: viable::NoOptions. Behind it may stand a function that adds kinds of limits, see
+addLimit().
     VIABLE_PLUGIN(viable::SafetyFilter, TosbpFilter, "tosbp", "Keeps ...", TosbpOptions) */
-#define VIABLE_PLUGIN(Interface, Class, name, summary, Options)                                                     \
-    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {                         \
-        static const viable::PluginEntry entry = viable::makePluginEntry<Interface, Class, Options>(name, summary); \
-        static const viable::PluginLibrary library = {viable::kPluginMagic,                                         \
-                                                      sizeof(viable::PluginLibrary),                                \
-                                                      viable::makeAbiStamp(),                                       \
-                                                      sizeof(viable::PluginEntry),                                  \
-                                                      1,                                                            \
-                                                      &entry};                                                      \
-        return &library;                                                                                            \
+#define VIABLE_PLUGIN(Interface, Class, name, summary, ... /* Options[, addLimits] */)                 \
+    extern "C" VIABLE_PLUGIN_VISIBLE const viable::PluginLibrary* viable_plugin_library() {            \
+        static viable::PluginEntry entry = viable::makePluginEntry<Interface, Class>(name, summary);   \
+        static const viable::PluginLibrary library = {viable::kPluginMagic,                            \
+                                                      sizeof(viable::PluginLibrary),                   \
+                                                      viable::makeAbiStamp(),                          \
+                                                      sizeof(viable::PluginEntry),                     \
+                                                      1,                                               \
+                                                      &entry,                                          \
+                                                      [] { viable::openPlugin<__VA_ARGS__>(entry); }}; \
+        return &library;                                                                               \
     }

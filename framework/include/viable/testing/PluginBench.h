@@ -11,6 +11,13 @@ extern "C" const viable::PluginLibrary* viable_plugin_library();
 
 namespace viable::testing {
 
+/** The entry of the plugin that is linked into the test, opened as the host opens it. */
+inline const PluginEntry& openOwnPlugin() {
+    const PluginLibrary& library = *viable_plugin_library();
+    library.open();
+    return library.entries[0];
+}
+
 /** Configures the plugin that is linked into a test, and supplies the inputs of one tick. The arm is the two-link
 arm at rest in its home pose, with 1 ms per tick. Must outlive the plugin. */
 class PluginBench {
@@ -32,7 +39,7 @@ public:
     /** Parameters as in an experiment file, `gain: 2, mode: fast`, checked by the plugin's own declaration.
     Throws Error (BadInput) where an experiment would be refused. */
     Parameters read(const std::string& parameters) const {
-        const PluginEntry& entry = viable_plugin_library()->entries[0];
+        const PluginEntry& entry = openOwnPlugin();
         const ConfigNode root = parseConfig("plugin: {" + parameters + "}\n", "test.yaml");
         return readParameters(*root.find("plugin"), entry.parameters, entry.parameterCount, size());
     }
