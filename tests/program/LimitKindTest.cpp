@@ -5,6 +5,7 @@
 
 #include "ExpectContains.h"
 #include "Program.h"
+#include "records/LogExportColumns.h"
 #include "records/LogReader.h"
 #include "viable/limits/ArmLimit.h"
 
@@ -54,6 +55,8 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
     for (const LogColumn& column : reader.columns()) columns.push_back(column.name());
     for (const char* name : {"upright.known", "upright.tilt_deg", "upright.limit_deg", "upright.link"})
         EXPECT_EQ(std::count(columns.begin(), columns.end(), name), 1) << name;
+    for (const detail::ExportColumn& column : detail::nameExportColumns(reader, "A.mcap"))
+        if (column.name == "upright.tilt_deg") EXPECT_EQ(column.unit, "deg");
     TickRecord row;
     double worst = 0.0;
     bool acts = false;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "limits/LimitRows.h"
 #include "log/LogMetadata.h"
 
 namespace viable::detail {
@@ -42,8 +43,11 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
             named.name.replace(suffix, std::string::npos, unit.slidingSuffix);
             named.path.replace(suffix + 1, std::string::npos, unit.slidingSuffix);
         }
-        break;
+        return named;
     }
+    for (const LimitKind kind : listArmLimits())  // a library's own unit
+        if (named.name.compare(suffix, std::string::npos, makeUnitSuffix(getUnit(kind, false))) == 0)
+            named.unit = getUnit(kind, false);
     return named;
 }
 

@@ -19,17 +19,6 @@ using detail::formatPlain;
 
 constexpr int kFirst = static_cast<int>(kFirstArmLimit);
 
-/** "rad/s^2" as names have it: "radps2". */
-std::string makeSuffix(const std::string& unit) {
-    std::string suffix;
-    for (const char c : unit)
-        if (c == '/')
-            suffix += 'p';
-        else if (c != '^')
-            suffix += c;
-    return suffix;
-}
-
 std::string tellAnyWorst(const ArmLimitRecord& r) {
     std::string text = "worst " + formatPlain(r.worst);
     if (!r.part.empty()) text += " (" + r.part + (r.other.empty() ? "" : " to " + r.other) + ")";
@@ -51,7 +40,7 @@ void setIfEmpty(std::string& text, const std::string& value) {
 /** What the row leaves open follows from the kind's name and unit. */
 LimitRow complete(LimitRow row, LimitKind kind) {
     const std::string name = getName(kind, LimitSide::Neither), unit = getUnit(kind, false);
-    const std::string end = unit.empty() ? "" : "_" + makeSuffix(unit);
+    const std::string end = unit.empty() ? "" : "_" + makeUnitSuffix(unit);
     setIfEmpty(row.label, name);
     setIfEmpty(row.limitWord, row.label);
     setIfEmpty(row.kept, row.label + " kept");
@@ -135,6 +124,16 @@ const char* findOther(const std::string& name, const std::string& block) {
 bool detail::reserveLimitNames(const char* what, std::vector<std::string> (*list)()) {
     updReserved().push_back({what, list});
     return true;
+}
+
+std::string detail::makeUnitSuffix(const std::string& unit) {
+    std::string suffix;
+    for (const char c : unit)
+        if (c == '/')
+            suffix += 'p';
+        else if (c != '^')
+            suffix += c;
+    return suffix;
 }
 
 LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row) {
