@@ -203,7 +203,7 @@ for path, value in [
     ("limits", {"velocity_radps": {"lower": -1, "upper": "~log_uniform(1, 2)"}}),
     ("controller.velocity_feedforward", "~choice(true, false)"),
     ("real_plant.seed", 12345678901234), ("real_plant.torque_limit_factor", math.inf),
-    ("payload_kg", "3/2"), ("payload_offset_m", [0, 0, "~uniform(0, 0.1)"]), ("payload_kg", 0),
+    ("payload_kg", "3/2"), ("payload_kg", 0),
     ("environment", {}), ("environment", {"safety_distance_m": 0, "field_cell_m": 0.05, "obstacles": {}}),
     ("environment.obstacles", {"table": {"box": [1, 2, "pi/2"], "at": {"xyz": [5, 0, "~uniform(0, 1)"], "rpy": [0, 0, "pi/2"]}}}),
     ("environment.obstacles", {"post": {"cylinder": {"radius": 0.1, "length": 1}, "at": {"xyz": [5, 0, 0]}},

@@ -17,7 +17,7 @@ public:
     /** The arguments of badInput(). What is told already, as of a block that several cases share, is not told again. */
     void add(const std::string& where, const std::string& what, const std::string& remedy = {});
 
-    /** Calls `reading` and keeps what it throws, so that the next can be looked at, too: BadInput as one complaint or
+    /** Calls `reading` and keeps what it throws, so that the next can be looked at, too: BadInput as one error or
     several, of anything else the first. @return  true: it threw nothing */
     template <class Reading>
     bool collect(const Reading& reading) {
@@ -39,7 +39,7 @@ public:
     /** More would not be told: whoever would have to work for it may stop. */
     bool isFull() const { return other_ || all_.size() >= kMostTold; }
 
-    /** Throws Error (BadInput) unless empty: one complaint as badInput() tells it, several as a numbered list; where
+    /** Throws Error (BadInput) unless empty: one error as badInput() tells it, several as a numbered list; where
     there is none, what else was thrown.
     @param subject  what all of them are about, such as a file */
     void throwIfAny(const std::string& subject) const;

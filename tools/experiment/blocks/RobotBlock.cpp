@@ -13,6 +13,9 @@ std::optional<Parameters> readPayload(const ConfigNode& experiment) {
     for (const ParameterSpec& spec : specs)
         if (const ConfigNode* value = experiment.find(spec.name)) own.entries.emplace_back(spec.name, *value);
     if (own.entries.empty()) return {};
+    if (!own.find(specs[0].name))
+        throw badInput(own.entries.front().second.place(), "there is no payload at this place",
+                       std::string("Add `") + specs[0].name + ": ...`, or leave this out.");
     return readParameters(own, specs.data(), specs.size(), 0);
 }
 
