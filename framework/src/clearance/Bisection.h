@@ -95,18 +95,18 @@ inline void settle(double bound, const Look& from, const Look& to, Result& resul
 }
 
 /** A lower bound between two looks. */
-inline double calcBound(const Look& from, const Look& to, const Travel& way, double radius) {
-    const double bound = (from.clearance + to.clearance - way.reach) / 2.0;
+inline double calcBound(const Look& from, const Look& to, const Travel& travel, double radius) {
+    const double bound = (from.clearance + to.clearance - travel.reach) / 2.0;
     const double a = from.clearance + radius, b = to.clearance + radius;
     if (!(a > 0.0 && b > 0.0 && a < std::numeric_limits<double>::infinity()) ||
-        !(b < std::numeric_limits<double>::infinity()) || way.sag >= std::min(a, b) - radius - bound)
+        !(b < std::numeric_limits<double>::infinity()) || travel.sag >= std::min(a, b) - radius - bound)
         return bound;
-    const double difference = b * b - a * a, square = way.chord * way.chord;
+    const double difference = b * b - a * a, square = travel.chord * travel.chord;
     double least = std::min(a, b);
     if (std::abs(difference) < square)  // it is lowest on the way
         least =
             std::sqrt(std::max(0.0, (a * a + b * b) / 2.0 - square / 4.0 - difference * difference / (4.0 * square)));
-    return std::max(bound, least - radius - way.sag);
+    return std::max(bound, least - radius - travel.sag);
 }
 
 /** Proves what it can between two looks, adding to `result`.
@@ -118,14 +118,14 @@ inline double calcBound(const Look& from, const Look& to, const Travel& way, dou
     bool hasBudget() const                              false: nothing more may be looked at closely */
 template <class Clearance>
 void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Result& result) {
-    const Travel way = clearance.calcTravel(from, to);
+    const Travel travel = clearance.calcTravel(from, to);
     double bound = 0.0, lowest = 0.0;
     const auto compare = [&] {
         // A look is a lower bound; so is its neighbour's, less what can have changed.
-        from.clearance = std::max(from.clearance, to.clearance - way.reach);
-        to.clearance = std::max(to.clearance, from.clearance - way.reach);
+        from.clearance = std::max(from.clearance, to.clearance - travel.reach);
+        to.clearance = std::max(to.clearance, from.clearance - travel.reach);
         lowest = std::min(from.clearance, to.clearance);
-        bound = calcBound(from, to, way, clearance.radius());
+        bound = calcBound(from, to, travel, clearance.radius());
     };
     compare();
     if (bound < demand.ahead && (from.isRough || to.isRough)) {
@@ -140,7 +140,7 @@ void prove(const Demand& demand, Clearance& clearance, Look& from, Look& to, Res
         return settle(bound, from, to, result);
     const bool keepsLeast = lowest >= demand.least - kRounding_m;
     const bool keepsFloor = bound >= demand.floor - kRounding_m;
-    const bool isNear = way.reach <= 2.0 * kGuard_m || bound >= lowest - kBlur_m;
+    const bool isNear = travel.reach <= 2.0 * kGuard_m || bound >= lowest - kBlur_m;
     // Nor need more be known of a place that cannot be the nearest.
     const bool isFarther = bound >= result.all.seen;
     if (keepsLeast && keepsFloor && (isNear || isFarther)) return settle(bound, from, to, result);

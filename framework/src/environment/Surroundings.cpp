@@ -42,7 +42,7 @@ struct Surroundings::Shapes {
         double begin_s, perSecond;
     };
     struct Path {
-        std::vector<Segment> ways;
+        std::vector<Segment> segments;
         Eigen::Vector3d centre;  ///< of the sphere around all that it sweeps
         double around;
         double radius;
@@ -109,8 +109,8 @@ void Surroundings::Shapes::add(const MovingSphere& sphere, int obstacle) {
         const auto& to = waypoints[std::min(i + 1, waypoints.size() - 1)];
         const Eigen::Vector3d along = to.position - from.position;
         const double square = along.squaredNorm(), duration = to.time_s - from.time_s;
-        path.ways.push_back({from.position, along, square > 0.0 ? 1.0 / square : 0.0, from.time_s,
-                             duration > 0.0 ? 1.0 / duration : 0.0});
+        path.segments.push_back({from.position, along, square > 0.0 ? 1.0 / square : 0.0, from.time_s,
+                                 duration > 0.0 ? 1.0 / duration : 0.0});
         box.extend(from.position);
     }
     path.centre = box.center();
@@ -260,17 +260,17 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t, c
         // The way that it is on at t, and from there only what is left of it.
         std::size_t first = 0;
         double gone = 0.0;
-        if (!path.repeats && t > path.ways.front().begin_s) {
-            while (first + 1 < path.ways.size() && path.ways[first + 1].begin_s <= t) ++first;
-            gone = std::min((t - path.ways[first].begin_s) * path.ways[first].perSecond, 1.0);
+        if (!path.repeats && t > path.segments.front().begin_s) {
+            while (first + 1 < path.segments.size() && path.segments[first + 1].begin_s <= t) ++first;
+            gone = std::min((t - path.segments[first].begin_s) * path.segments[first].perSecond, 1.0);
         }
         double least = std::numeric_limits<double>::infinity();
         Eigen::Vector3d nearestAway = Eigen::Vector3d::Zero();
-        for (std::size_t i = first; i < path.ways.size(); ++i, gone = 0.0) {
-            const Shapes::Segment& way = path.ways[i];
-            const Eigen::Vector3d away = p - way.from;
-            const double s = std::clamp(away.dot(way.along) * way.perSquare, gone, 1.0);
-            const Eigen::Vector3d off = away - s * way.along;
+        for (std::size_t i = first; i < path.segments.size(); ++i, gone = 0.0) {
+            const Shapes::Segment& segment = path.segments[i];
+            const Eigen::Vector3d away = p - segment.from;
+            const double s = std::clamp(away.dot(segment.along) * segment.perSquare, gone, 1.0);
+            const Eigen::Vector3d off = away - s * segment.along;
             const double square = off.squaredNorm();
             if (square >= least) continue;
             least = square;

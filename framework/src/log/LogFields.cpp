@@ -365,10 +365,6 @@ std::vector<LogChannel> declareChannels() {
     };
 }
 
-}  // namespace
-
-namespace {
-
 /** The channels that are of no limit of the whole arm. */
 const std::vector<LogChannel>& listOtherChannels() {
     static const auto& channels = *new std::vector<LogChannel>(declareChannels());  // never destroyed, see below
