@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 
+#include "CaseSupport.h"
 #include "Program.h"
 #include "records/LogReader.h"
 
@@ -18,24 +19,14 @@ namespace fs = std::filesystem;
 using test::Outcome;
 using test::readFile;
 
-const char* const kLoggedExperiment = R"(schema: 1
-title: one joint
-robot: single_joint
-duration_s: 1
-command: {plugin: waypoints, points: [[0, 1], [1, -1]], repeat_s: 2}
-controller: {plugin: joint_pd}
-filter: {plugin: tosbp, gamma: 100}
-cases: {A: {}}
-)";
-
 const char* const kRemedy = ". Choose a folder that exists, may be written to and has room\n";
 
 class LogCommands : public testing::Test {
 protected:
     static void SetUpTestSuite() {
         const test::TemporaryFolder folder;
-        const Outcome o =
-            test::run({"run", folder.write("e.yaml", kLoggedExperiment), "--out", folder / "run", "--no-report"});
+        const Outcome o = test::run({"run", folder.write("e.yaml", test::kOneJoint), "--out", folder / "run",
+                                     "--no-report", "--set", "duration_s=1"});
         ASSERT_EQ(o.code, 0) << o.err;
         whole_ = readFile(folder / "run/A.mcap");
     }

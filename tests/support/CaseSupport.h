@@ -55,6 +55,20 @@ real_plant: {plugin: simbody, payload_kg: 1.0}
 cases: {A: {}}
 )";
 
+/** A hand that is led slowly enough for any arm; gains follow from the arm. */
+inline const char* const kHandLed = R"(schema: 1
+title: a hand leads an Indy7
+robot: indy7
+duration_s: 2
+limits: {velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}
+command: {plugin: generated_hand_motion, seed: 1, reach_m: [0.1, 0.1, 0.1], rotation_rad: 0.3, top_speed_mps: 0.3}
+controller: {plugin: tool_servo}
+filter: {plugin: certified_braking}
+robust_loop: {plugin: nric}
+real_plant: {plugin: simbody}
+cases: {A: {}}
+)";
+
 /** A configured loop for the first case of an experiment. */
 struct TestLoop {
     explicit TestLoop(const std::string& yaml, const std::vector<std::string>& overrides = {})

@@ -39,6 +39,14 @@ public:
         return findComplaint([&] { make(parameters); });
     }
 
+    /** Of a law with k_alpha, gamma and needs of the jerk, on a tick of 0.01 s. Changes the limits of `arm`. */
+    void expectMisfitsRefused() {
+        EXPECT_CONTAINS(findConfigureComplaint("k_alpha: 101"), "k_alpha * tick_s is 1.01");
+        EXPECT_CONTAINS(findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
+        arm.limits.jerk.upper[0] = kInfinity;
+        EXPECT_CONTAINS(findConfigureComplaint(""), name_ + " needs a finite jerk limit");
+    }
+
     /** One answer of a fresh filter on a joint of unit mass. @param push  desired acceleration */
     FilterStatus decide(const std::string& parameters, const AxisState& s, double push, FilterDecision& decision) {
         const MotionState state{JointVector::Constant(1, s.p), JointVector::Constant(1, s.v),

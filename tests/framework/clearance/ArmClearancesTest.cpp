@@ -1,3 +1,4 @@
+#include "Balls.h"
 #include "environment/ArmClearances.h"
 
 #include <gtest/gtest.h>
@@ -98,12 +99,7 @@ ArmGeometry makeBeam() {
 }
 
 Solid makeBall(const Eigen::Vector3d& at, std::size_t number) {
-    Solid ball;
-    ball.name = "ball" + std::to_string(number);
-    ball.kind = Solid::Kind::Sphere;
-    ball.radius = 0.02;
-    ball.pose.translation() = at;
-    return ball;
+    return test::makeBall(at, 0.02, "ball" + std::to_string(number));
 }
 
 // One capsule between obstacles has them all, each at the nearest place and where it may come to be.

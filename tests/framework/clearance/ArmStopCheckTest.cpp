@@ -1,3 +1,4 @@
+#include "Balls.h"
 #include "Paths.h"
 #include "clearance/ArmStopCheck.h"
 
@@ -425,12 +426,7 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         const Eigen::Vector3d ahead = frames.axis[joint].cross(end - frames.origin[joint]).normalized();
         Environment environment;
         environment.safetyDistance_m = 0.0;
-        Solid ball;
-        ball.name = "ball";
-        ball.kind = Solid::Kind::Sphere;
-        ball.radius = 1e-3;
-        ball.pose.translation() = end + (tip.radius + ball.radius - 0.002) * ahead;
-        environment.solids.push_back(ball);
+        environment.solids.push_back(test::makeBall(end + (tip.radius + 1e-3 - 0.002) * ahead, 1e-3));
         const CollisionChecker checker(subject.robot, alone, environment);
         double least = kInfinity;
         for (int k = 0; k <= kPoses; ++k) {

@@ -1,3 +1,4 @@
+#include "Balls.h"
 #include "viable/loop/ReferenceGuard.h"
 
 #include <gtest/gtest.h>
@@ -344,12 +345,7 @@ TEST(ReferenceGuard, SurroundingsMayComeFromAnotherThread) {
     std::thread maker([&] {
         for (int k = 0; !isDone; ++k) {
             Environment next;
-            Solid ball;
-            ball.name = "ball";
-            ball.kind = Solid::Kind::Sphere;
-            ball.radius = 0.1;
-            ball.pose.translation() = Eigen::Vector3d(1.2 + 0.1 * std::sin(k), 0.0, 0.5);
-            next.solids.push_back(ball);
+            next.solids.push_back(test::makeBall(Eigen::Vector3d(1.2 + 0.1 * std::sin(k), 0.0, 0.5), 0.1));
             guard.changeEnvironment(next, 0.0);
         }
     });

@@ -197,24 +197,14 @@ TEST(Release, TicksMissedBeforeTheFirstTorqueSayNothingOfTheMotors) {
     EXPECT_EQ(calcLargest(record.robustTorque), 0.0);
 }
 
-const char* const kLightPanda = R"(schema: 1
-title: a Panda of a fiftieth of the masses that its loop is made for
-robot: panda
-duration_s: 2
-limits: {velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}
-command: {plugin: generated_hand_motion, seed: 1, reach_m: [0.1, 0.1, 0.1], rotation_rad: 0.3, top_speed_mps: 0.3}
-controller: {plugin: tool_servo}
-filter: {plugin: certified_braking}
-robust_loop: {plugin: nric}
-real_plant: {plugin: simbody, mass_factor: 0.02}
-cases: {A: {}}
-)";
+/** A Panda of a fiftieth of the masses that its loop is made for. */
+const std::vector<std::string> kLightPanda = {"robot=panda", "real_plant.mass_factor=0.02"};
 
 // A loop that swings goes on to damp while its share falls: no step is larger than those that it took itself.
 TEST(Release, ALoopThatOscillatesFades) {
     RealArmOptions options;
     options.watchesFollowing = true;
-    HeardCase c(kLightPanda, {}, options);
+    HeardCase c(test::kHandLed, kLightPanda, options);
     TickRecord record, last;
     double before = 0.0;
     int k = 0;

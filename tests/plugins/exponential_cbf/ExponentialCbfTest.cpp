@@ -182,11 +182,8 @@ TEST(ExponentialCbf, JerkAndAccelerationHoldEvenWhereItHasNoAnswer) {
 
 TEST(ExponentialCbf, Fault08GainsAndLimitsThatDoNotFitAreRefused) {
     Bench bench("single_joint", "exponential_cbf", 0.01);
-    EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 101"), "k_alpha * tick_s is 1.01");
-    EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("on_infeasible: pray"), "pray");
-    bench.arm.limits.jerk.upper[0] = kInfinity;
-    EXPECT_CONTAINS(bench.findConfigureComplaint(""), "exponential_cbf needs a finite jerk limit");
+    bench.expectMisfitsRefused();
 }
 
 TEST(ExponentialCbf, LoadsAsALibrary) {

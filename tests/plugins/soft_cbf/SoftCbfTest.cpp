@@ -181,11 +181,8 @@ TEST(SoftCbf, JerkHoldsAndThereIsAlwaysAnAnswer) {
 
 TEST(SoftCbf, Fault08GainsAndLimitsThatDoNotFitAreRefused) {
     Bench bench("single_joint", "soft_cbf", 0.01);
-    EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 101"), "k_alpha * tick_s is 1.01");
-    EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("weight: 0"), "weight");
-    bench.arm.limits.jerk.upper[0] = kInfinity;
-    EXPECT_CONTAINS(bench.findConfigureComplaint(""), "soft_cbf needs a finite jerk limit");
+    bench.expectMisfitsRefused();
 }
 
 TEST(SoftCbf, LoadsAsALibrary) {

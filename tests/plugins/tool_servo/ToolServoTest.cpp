@@ -1,3 +1,4 @@
+#include "Balls.h"
 #include "ToolServo.h"
 
 #include <gtest/gtest.h>
@@ -160,12 +161,7 @@ TEST_F(ToolServoTest, SpareJointsGoToTheirRestAndLeaveTheToolAlone) {
 /** A ball beside the elbow of the arm at home. */
 Environment makeBall() {
     Environment environment;
-    Solid ball;
-    ball.name = "ball";
-    ball.kind = Solid::Kind::Sphere;
-    ball.radius = 0.05;
-    ball.pose.translation() << 0.08, 0.2, 0.68;
-    environment.solids.push_back(ball);
+    environment.solids.push_back(test::makeBall(Eigen::Vector3d(0.08, 0.2, 0.68), 0.05));
     return environment;
 }
 

@@ -1,3 +1,4 @@
+#include "Balls.h"
 #include "Paths.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "viable/core/Error.h"
@@ -413,12 +414,7 @@ TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
     for (int tick = 0; tick < 250; ++tick) arm.goTo(there);
     ASSERT_GT(arm.state.qd[0], 0.3);
     Environment sudden;
-    Solid ball;
-    ball.name = "ball";
-    ball.kind = Solid::Kind::Sphere;
-    ball.radius = 0.08;
-    ball.pose.translation() = arm.dynamics.tool.position;
-    sudden.solids.push_back(ball);
+    sudden.solids.push_back(test::makeBall(arm.dynamics.tool.position, 0.08));
     arm.feed.put(ArmAmongObstacles::makeSurroundings(sudden), arm.t);
     arm.environment = sudden;  // for the judge
     double reported = kInfinity, deepest = kInfinity;
@@ -455,12 +451,7 @@ TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) 
         for (int tick = 0; tick < 250; ++tick) arm.goTo(there);
         ASSERT_GT(arm.state.qd[0], 0.3);
         Environment sudden;
-        Solid ball;
-        ball.name = "ball";
-        ball.kind = Solid::Kind::Sphere;
-        ball.radius = 0.08;
-        ball.pose.translation() = arm.dynamics.tool.position;
-        sudden.solids.push_back(ball);
+        sudden.solids.push_back(test::makeBall(arm.dynamics.tool.position, 0.08));
         const Eigen::Vector3d way(0.0, 0.0, -6.0);
         const double first = appears ? 0.0 : -0.2;  // [s], from where it meets the tool's place
         int braked = 0, touched = 0, told = 0, falselyTold = 0;

@@ -1,3 +1,4 @@
+#include "Balls.h"
 #include "batch/ArmBatch.h"
 
 #include <gtest/gtest.h>
@@ -291,11 +292,7 @@ TEST(ArmBatch, AQuaternionThatIsNoneBrakesItsArmAlone) {
 /** A ball, a floor and a ball that passes by. */
 Environment makeEnvironment() {
     Environment environment;
-    Solid ball;
-    ball.name = "ball";
-    ball.kind = Solid::Kind::Sphere;
-    ball.radius = 0.1;
-    ball.pose.translation() << 0.45, 0.2, 0.5;
+    const Solid ball = test::makeBall({0.45, 0.2, 0.5}, 0.1);
     Solid floor;
     floor.name = "floor";
     floor.kind = Solid::Kind::HalfSpace;

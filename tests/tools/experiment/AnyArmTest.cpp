@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
@@ -17,25 +18,23 @@ using test::expectContains;
 using test::kTeleoperation;
 using test::readTestExperiment;
 
-const char* const kPanda = R"(schema: 1
-title: a hand leads a Panda
-robot: panda
-duration_s: 4
-limits: {velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}
-command: {plugin: generated_hand_motion, seed: 1, reach_m: [0.1, 0.1, 0.1], rotation_rad: 0.3, top_speed_mps: 0.3}
-controller: {plugin: tool_servo}
-filter: {plugin: certified_braking}
-robust_loop: {plugin: nric}
-real_plant: {plugin: simbody, payload_kg: 0.2}
-cases: {A: {}}
-)";
+/** A hand leads a Panda; keys can be overridden. */
+const std::vector<std::string> kPanda = {"robot=panda", "duration_s=4", "real_plant.payload_kg=0.2"};
 
+Experiment readPanda(const std::vector<std::string>& overrides) {
+    std::vector<std::string> all = kPanda;
+    all.insert(all.end(), overrides.begin(), overrides.end());
+    return readTestExperiment(test::kHandLed, all);
+}
+CaseResult runPanda(const std::vector<std::string>& overrides = {}) {
+    return runCase(configureCase(readPanda(overrides).cases.front()), {});
+}
 CaseResult runArm(const char* experiment, const std::vector<std::string>& overrides = {}) {
     return runCase(configureCase(readTestExperiment(experiment, overrides).cases.front()), {});
 }
 
 TEST(AnyArm, DefaultGainsFollowAndTheVerdictIsClean) {
-    const CaseResult r = runArm(kPanda);
+    const CaseResult r = runPanda();
     EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
     EXPECT_EQ(r.exitCode(), 0);
     EXPECT_TRUE(findProblems(r).empty()) << formatVerdict(r);
@@ -48,18 +47,18 @@ TEST(AnyArm, DefaultGainsFollowAndTheVerdictIsClean) {
 
 TEST(Fault80, GainsThatTheArmCannotCarryAreRefusedWithTheLargestStableOnes) {
     const std::vector<std::string> indy7 = {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"};
-    const std::string refused = catchError([&] { runArm(kPanda, indy7); });
+    const std::string refused = catchError([&] { runPanda(indy7); });
     expectContains(refused, {"unstable on this arm at a tick of 0.001 s", "k_r of joint7 is 600", "about [", "`auto`",
                              "accept_unstable: true"});
     // Those that the remedy prints hold the arm.
     const std::size_t from = refused.find("k_r: ["), to = refused.find(". To run");
-    const CaseResult constant = runArm(kPanda, {"robust_loop={plugin: nric, " + refused.substr(from, to - from) + "}"});
+    const CaseResult constant = runPanda({"robust_loop={plugin: nric, " + refused.substr(from, to - from) + "}"});
     EXPECT_EQ(constant.stopReason, StopReason::None) << constant.stopMessage;
     // Those that are named, halved, are stable.
     const std::size_t begin = refused.find("about [") + 6;
     const std::string largest = refused.substr(begin, refused.find(']', begin) + 1 - begin);
     EXPECT_NE(catchError([&] {
-                  runArm(kPanda, {"robust_loop.k_r=" + largest, "robust_loop.k_p=1", "robust_loop.k_i=0.1"});
+                  runPanda({"robust_loop.k_r=" + largest, "robust_loop.k_p=1", "robust_loop.k_i=0.1"});
               }).find("unstable"),
               std::string::npos);
     std::string half = "[";
@@ -69,31 +68,30 @@ TEST(Fault80, GainsThatTheArmCannotCarryAreRefusedWithTheLargestStableOnes) {
         number = *end == ',' ? end + 1 : "";
     }
     EXPECT_NO_THROW(configureCase(
-        readTestExperiment(kPanda, {"robust_loop.k_r=" + half + "]", "robust_loop.k_p=1", "robust_loop.k_i=0.1"})
-            .cases.front()));
+        readPanda({"robust_loop.k_r=" + half + "]", "robust_loop.k_p=1", "robust_loop.k_i=0.1"}).cases.front()));
     // k_p or k_i can be too large for a k_r that is not, and for gains that follow the inertia.
     expectContains(catchError([&] {
-                       runArm(kPanda, {"robust_loop.k_r=" + half + "]", "robust_loop.k_p=2000", "robust_loop.k_i=0.1"});
+                       runPanda({"robust_loop.k_r=" + half + "]", "robust_loop.k_p=2000", "robust_loop.k_i=0.1"});
                    }),
                    {"unstable", "k_p is too large for such a k_r"});
     expectContains(catchError([&] {
-                       runArm(kPanda, {"robust_loop.k_p=2000", "robust_loop.k_i=0.1"});
+                       runPanda({"robust_loop.k_p=2000", "robust_loop.k_i=0.1"});
                    }),
                    {"unstable", "k_p is too large for such a k_r"});
-    expectContains(catchError([&] {
-                       runArm(kPanda, {"robust_loop.k_r=" + half + "]", "robust_loop.k_p=2",
-                                       "robust_loop.k_i=[50, 0, 0, 0, 0, 0, 0]"});
-                   }),
-                   {"unstable", "k_i of joint1 is 50, and with its k_r and k_p it just becomes unstable at about"});
+    expectContains(
+        catchError([&] {
+            runPanda({"robust_loop.k_r=" + half + "]", "robust_loop.k_p=2", "robust_loop.k_i=[50, 0, 0, 0, 0, 0, 0]"});
+        }),
+        {"unstable", "k_i of joint1 is 50, and with its k_r and k_p it just becomes unstable at about"});
 }
 
 // `auto` stands on a bound of 600 for K_r: not to be taken for a constant 600.
 TEST(Fault80, TheTwoKindsOfGainsAreJudgedApart) {
     const std::vector<std::string> numbers = {"robust_loop={plugin: nric, k_p: 20, k_i: 8}"};
     const std::vector<std::string> constant = {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"};
-    EXPECT_NO_THROW(configureCase(readTestExperiment(kPanda, numbers).cases.front()));
-    EXPECT_NE(catchError([&] { runArm(kPanda, constant); }), "");
-    EXPECT_NO_THROW(configureCase(readTestExperiment(kPanda, numbers).cases.front()));
+    EXPECT_NO_THROW(configureCase(readPanda(numbers).cases.front()));
+    EXPECT_NE(catchError([&] { runPanda(constant); }), "");
+    EXPECT_NO_THROW(configureCase(readPanda(numbers).cases.front()));
 }
 
 // Feedback of another joint's position would drive the arm away for good.
@@ -110,7 +108,7 @@ TEST(AnyArm, ALoopThatActsOnSwappedReadingsIsSwitchedOff) {
 TEST(AnyArm, AWrappedReadingTakesTheLoopFromNoOtherJoint) {
     const std::vector<std::string> wrap = {"robust_loop={plugin: nric}", "duration_s=2", "real_plant.sensor_fault=wrap",
                                            "real_plant.sensor_fault_joint=1", "real_plant.sensor_fault_from_s=1"};
-    const CaseResult r = runArm(kPanda, wrap);
+    const CaseResult r = runPanda(wrap);
     EXPECT_EQ(r.stopReason, StopReason::SensorFailed) << r.stopMessage;
     for (int i = 0; i < 6; ++i) {
         if (i != 1) {
@@ -123,8 +121,8 @@ TEST(AnyArm, NoisyEncodersAreNoOscillation) {
     const CaseResult r = runArm(kTeleoperation, {"robust_loop={plugin: nric}", "real_plant.encoder_noise_rad=5e-5",
                                                  "limits.velocity_radps=0.5"});
     EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
-    const CaseResult fine = runArm(kPanda, {"robust_loop={plugin: nric}", "tick_s=0.00025", "duration_s=1",
-                                            "real_plant.encoder_noise_rad=5e-5", "limits.velocity_radps=0.25"});
+    const CaseResult fine = runPanda({"robust_loop={plugin: nric}", "tick_s=0.00025", "duration_s=1",
+                                      "real_plant.encoder_noise_rad=5e-5", "limits.velocity_radps=0.25"});
     EXPECT_EQ(fine.stopReason, StopReason::None) << fine.stopMessage;
 }
 
@@ -137,8 +135,7 @@ TEST(Fault80, ADelayCountsInTheCheckAndInTheGains) {
 }
 
 TEST(Fault80, AcceptedItRunsToItsEndAndTheVerdictTells) {
-    const CaseResult r =
-        runArm(kPanda, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, accept_unstable: true}"});
+    const CaseResult r = runPanda({"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, accept_unstable: true}"});
     EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
     EXPECT_EQ(r.exitCode(), 0);
     expectContains(formatVerdict(r),
@@ -147,7 +144,7 @@ TEST(Fault80, AcceptedItRunsToItsEndAndTheVerdictTells) {
 
 // A real arm of a twentieth of the masses that the check knows: unstable all the same.
 TEST(Fault80, ALoopThatSwingsIsStoppedWithin50Milliseconds) {
-    const CaseResult r = runArm(kPanda, {"real_plant.mass_factor=0.02", "real_plant.payload_kg=0", "duration_s=2"});
+    const CaseResult r = runPanda({"real_plant.mass_factor=0.02", "real_plant.payload_kg=0", "duration_s=2"});
     EXPECT_EQ(r.stopReason, StopReason::NotFollowing);
     EXPECT_LE(r.stopTime_s, 0.05);
     EXPECT_EQ(r.exitCode(), 6);
@@ -158,17 +155,17 @@ TEST(Fault80, ALoopThatSwingsIsStoppedWithin50Milliseconds) {
 
 TEST(Fault80, ALoopThatIsAlmostUnstableIsTold) {
     const CaseResult r =
-        runArm(kPanda, {"duration_s=0.2",
-                        "robust_loop={plugin: nric, k_r: [5.74, 129, 3.23, 35.2, 2.25, 2.67, 0.0852], "
-                        "k_p: [100, 93, 100, 100, 100, 100, 100], k_i: [55.2, 37.2, 84, 100, 100, 100, 100]}"});
+        runPanda({"duration_s=0.2",
+                  "robust_loop={plugin: nric, k_r: [5.74, 129, 3.23, 35.2, 2.25, 2.67, 0.0852], "
+                  "k_p: [100, 93, 100, 100, 100, 100, 100], k_i: [55.2, 37.2, 84, 100, 100, 100, 100]}"});
     ASSERT_TRUE(r.margins && r.margins->isStable && r.margins->phase_rad < 0.3);
     expectContains(formatVerdict(r), {"the robust loop is almost unstable: its margin is", "35 degrees are enough"});
 }
 
 // The same where nobody stops it: not the limits of acceleration are the remedy.
 TEST(Fault80, MotorsThatTheRobustLoopDrivesToTheirLimitsAreToldAsThat) {
-    const CaseResult r = runArm(kPanda, {"real_plant.mass_factor=0.02", "real_plant.payload_kg=0", "duration_s=1",
-                                         "robust_loop={plugin: nric, accept_unstable: true}"});
+    const CaseResult r = runPanda({"real_plant.mass_factor=0.02", "real_plant.payload_kg=0", "duration_s=1",
+                                   "robust_loop={plugin: nric, accept_unstable: true}"});
     EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
     expectContains(formatVerdict(r), {"the robust loop swings and drives motors to their torque limits: joint",
                                       "smaller gains, or the true masses"});

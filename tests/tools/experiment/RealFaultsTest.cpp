@@ -17,22 +17,11 @@ namespace {
 
 using test::catchError;
 using test::expectContains;
+using test::kHandLed;
 using test::kTeleoperation;
 using test::readTestExperiment;
 
-/** The same hand for an arm of six joints and one of seven, with the gains that follow from the arm. */
-const char* const kHandLed = R"(schema: 1
-title: a hand leads an Indy7
-robot: indy7
-duration_s: 2
-limits: {velocity_radps: 1.5, acceleration_radps2: 8, jerk_radps3: 200}
-command: {plugin: generated_hand_motion, seed: 1, reach_m: [0.1, 0.1, 0.1], rotation_rad: 0.3, top_speed_mps: 0.3}
-controller: {plugin: tool_servo}
-filter: {plugin: certified_braking}
-robust_loop: {plugin: nric}
-real_plant: {plugin: simbody}
-cases: {A: {}}
-)";
+/** An arm of six joints and one of seven. */
 const std::vector<std::string> kBothArms = {"robot=indy7", "robot=panda"};
 
 std::vector<std::string> joined(std::vector<std::string> overrides, const std::vector<std::string>& more) {
