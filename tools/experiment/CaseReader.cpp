@@ -35,7 +35,7 @@ std::string describePlace(const ConfigNode& block, const std::string& key, const
 }
 
 double readTick(const ConfigNode* node) {
-    const ParameterSpec& spec = getKey("tick_s");
+    const ParameterSpec spec = getKey("tick_s");
     return toNumber(node ? *node : makeScalar(spec.defaultText), spec.range());
 }
 

@@ -22,6 +22,7 @@ unset VIABLE_OTHER_DEBIAN
 shift
 project=$(realpath "$(dirname "$0")/../..")
 root=$project/build/roots/$release
+checkout=/srv/viable  # in the root. Not /viable: that is a part of usr/lib/viable, and the test of the package looks for it
 if [ "${1:-}" = --root ]; then
   root=$(realpath -m "${2:?other_debian: --root takes a folder}")
   shift 2
@@ -47,12 +48,12 @@ done
 [ ! -d /usr/local/share/ca-certificates ] || cp -r /usr/local/share/ca-certificates "$root/usr/local/share"
 chroot "$root" update-ca-certificates >/dev/null 2>&1
 
-echo "other_debian: copying the sources to $root/viable"
-mkdir -p "$root/viable"
-find "$root/viable" -mindepth 1 -maxdepth 1 ! -name build -exec rm -rf {} +
+echo "other_debian: copying the sources to $root$checkout"
+mkdir -p "$root$checkout"
+find "$root$checkout" -mindepth 1 -maxdepth 1 ! -name build -exec rm -rf {} +
 git -c safe.directory="$PWD" ls-files -z --cached --others --exclude-standard | while IFS= read -r -d '' file; do
   [ ! -e "$file" ] || printf '%s\0' "$file"
-done | tar --create --null --files-from - | tar --extract --no-same-owner --directory "$root/viable"
+done | tar --create --null --files-from - | tar --extract --no-same-owner --directory "$root$checkout"
 
 mount -t proc proc "$root/proc"
 mount --rbind /sys "$root/sys"
@@ -62,10 +63,10 @@ inside() {
     NODE_EXTRA_CA_CERTS=/etc/ssl/certs/ca-certificates.crt chroot "$root" "$@"
 }
 begin=$SECONDS
-inside /viable/tools/run.sh
+inside "$checkout/tools/run.sh"
 echo "other_debian: tools/run.sh took $((SECONDS - begin)) s on $release"
 begin=$SECONDS
 status=0
-inside /viable/tools/test.sh "$@" || status=$?
+inside "$checkout/tools/test.sh" "$@" || status=$?
 echo "other_debian: tools/test.sh took $((SECONDS - begin)) s on $release"
 exit $status

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <exception>
-#include <utility>
 
 #include "../src/Arrays.h"
 #include "host/PluginCall.h"
@@ -40,12 +39,12 @@ py::object readNode(const ConfigNode& node) {
         case ConfigNode::Kind::List: {
             py::list list;
             for (const ConfigNode& item : node.items) list.append(readNode(item));
-            return std::move(list);
+            return list;
         }
         case ConfigNode::Kind::Map: {
             py::dict map;
             for (const auto& [key, value] : node.entries) map[makeText(key)] = readNode(value);
-            return std::move(map);
+            return map;
         }
     }
     return py::none();
