@@ -56,7 +56,7 @@ class Batches(unittest.TestCase):
             batch.random_reset(rng, share=1.0)
             begin = batch.q.copy()
             seen = set()
-            for step in range(max(200, int(400 * EFFORT))):
+            for step in range(max(400, int(400 * EFFORT))):
                 if step % 8 == 0:
                     actions = rng.uniform(-size, size, (256, batch.action_size))
                     if action == "tool_pose":
