@@ -16,6 +16,7 @@ namespace {
 
 using detail::format;
 using detail::formatPlain;
+using detail::makeUnitSuffix;
 
 constexpr int kFirst = static_cast<int>(kFirstArmLimit);
 
