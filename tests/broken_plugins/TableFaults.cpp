@@ -70,6 +70,11 @@ void changeEveryField(viable::AbiStamp& stamp) {
     for (std::size_t i = 1; i < sizeof stamp / sizeof *fields; ++i) fields[i] += 1;
 }
 
+void openOnce() {
+    static int calls = 0;
+    if (++calls > 1) throw std::runtime_error("called again");
+}
+
 struct Fault {
     const char* name;
     void (*spoil)(Table&);
@@ -106,9 +111,19 @@ const Fault kFaults[] = {
     {"null_parameters", [](Table& t) { t.entry.parameters = nullptr; }},
     {"nameless_parameter", [](Table& t) { t.parameters[1].name = nullptr; }},
     {"twin_parameters", [](Table& t) { t.parameters[1].name = "gain"; }},
-    {"empty_range", [](Table& t) { t.parameters[0].min = 2, t.parameters[0].max = 1; }},
+    {"empty_range",
+     [](Table& t) {
+         t.parameters[0].min = 2, t.parameters[0].max = 1;
+         t.library.open = openOnce;
+     }},
     // what it does once its stamp is known to be right
-    {"open_throws", [](Table& t) { t.library.open = [] { throw std::runtime_error("no options today"); }; }},
+    {"open_throws",
+     [](Table& t) {
+         t.library.open = [] {
+             openOnce();
+             throw std::runtime_error("no options today");
+         };
+     }},
     {"opens_another_build",
      [](Table& t) {
          t.library.stamp.layout += 1;

@@ -19,7 +19,7 @@ struct Options {
 
     template <class V>
     void describe(V& v) {
-        v(judge, "judge", "healthy|throws|rounds|is_null|crashes|loses_words",
+        v(judge, "judge", "healthy|throws|rounds|is_null|crashes|loses_words|cannot_say",
           "What the limit's judge does in the run.");
     }
 };
@@ -63,8 +63,13 @@ viable::LimitRow makeRow() {
     row.make = [](const viable::LimitScene& scene) -> std::unique_ptr<viable::ArmLimit> {
         return judge == "is_null" ? nullptr : std::make_unique<Upright>(scene.robot);
     };
-    row.tellInVerdict = [](const viable::LimitAccount&) -> std::string {
+    row.exists = [](const viable::LimitScene&) { return judge == "cannot_say" ? throw 7 : true; };
+    row.tellWorst = [](const viable::ArmLimitRecord& r) {
         if (judge == "loses_words") throw 7;
+        return "worst " + std::to_string(r.worst).substr(0, 4) + " (" + r.part + ")";
+    };
+    row.tellInVerdict = [](const viable::LimitAccount&) -> std::string {
+        if (judge == "loses_words") std::fesetround(FE_UPWARD);
         return "";
     };
     using R = viable::LimitReport;

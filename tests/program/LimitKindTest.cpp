@@ -43,6 +43,7 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
         const nlohmann::json& nominal = (*one)["upright"]["nominal"];
         EXPECT_GT(nominal["worst_deg"], 20.0);
         EXPECT_GT(nominal["ticks_broken"], 100);
+        EXPECT_EQ(nominal["ticks_at_fault"], nominal["ticks_broken"]);
         EXPECT_EQ(nominal["part"], "tool");
         EXPECT_EQ((*one)["upright"]["limit_deg"], 20.0);
     }
@@ -79,15 +80,23 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
 
 TEST(LimitKind, JudgeThatMisbehavesIsContainedAndTheLibraryNamed) {
     const test::TemporaryFolder folder;
-    const auto run = [&](const std::string& judge) {
-        std::string text = kTipping;
+    const auto write = [&](const std::string& judge, const std::string& more = "") {
+        std::string text = kTipping + more;
         text.replace(text.find("upright}"), 7, "upright, judge: " + judge);
-        return test::run({"run", folder.write(judge + ".yaml", text), "--out", folder / judge, "--jobs", "1"});
+        return folder.write(judge + ".yaml", text);
+    };
+    const auto run = [&](const std::string& judge) {
+        return test::run({"run", write(judge), "--out", folder / judge, "--jobs", "1"});
     };
     expectContains(run("throws").out, {"the nominal arm broke its limit of upright: worst ", "(its check failed)"});
-    expectContains(run("loses_words").out, {"(its words failed)"});
+    expectContains(run("loses_words").out, {"upright: (its words failed)(its words failed)"});
+    expectContains(test::run({"check", write("loses_words", "start: {position_rad: [0.5]}\n")}).out,
+                   {"at the start the arm broke its limit of upright: (its words failed)"});
     expectContains(run("rounds").out, {"(its check changed the arithmetic)"});
-    const Outcome none = run("is_null"), crashed = run("crashes");
+    const Outcome none = run("is_null"), crashed = run("crashes"), silent = run("cannot_say");
+    EXPECT_EQ(silent.code, 4) << silent.err;
+    expectContains(silent.err,
+                   {"the limit 'upright' (", "viable_filter_upright.so): could not say whether a case has it"});
     EXPECT_EQ(none.code, 4) << none.err;
     expectContains(none.err, {"the limit 'upright' (", "viable_filter_upright.so): could not be made: it gave none"});
     EXPECT_EQ(crashed.code, 4) << crashed.err;

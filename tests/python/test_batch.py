@@ -304,6 +304,8 @@ class Batches(unittest.TestCase):
             (lambda: viable.Batch(self.robot, 0), "0 arms"),
             (lambda: viable.Batch(self.robot, 1, action="force"), "action: `force` is not one of the choices"),
             (lambda: viable.Batch(self.robot, 1, plant={"payload": 1}), "payload"),
+            *((lambda plant=plant: viable.Batch(self.robot, 1, plant=plant), "Batch: plant: must be a map")
+              for plant in (5, "simbody", "{plugin: simbody}", ["plugin"])),
             (lambda: viable.Batch(self.robot, 1, plant={"payload_kg": "~uniform(2)"}), "uniform"),
         ):
             with self.subTest(cause=cause), self.assertRaisesRegex(viable.InputError, cause):

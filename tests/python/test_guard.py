@@ -191,6 +191,7 @@ class Guards(unittest.TestCase):
                 ({"gamma": None}, "gamma: .* empty"), ({"gamma": "fast"}, "gamma: "), ({"gamma": object()}, "gamma: "),
                 ({"gamma": np.nan}, "gamma: `?.nan`? is not a number"), ({"gamma": 2j}, "gamma: "),
                 ({"recovery": "yes"}, "recovery: must be `true` or `false`"),
+                *(({"recovery": flag}, "recovery: must be `true` or `false`") for flag in (2, -1, 1 << 80, 1.0, np.ones(2))),
                 ({"k_alfa": 5, "gamma": -1, "limits": [1]}, rf"3 things are wrong:(.|\n)*{name}: limits: a list are no(.|\n)*k_alpha(.|\n)*-1 is out"),
             ):
                 with self.subTest(make=name, keywords=keywords), self.assertRaisesRegex(viable.InputError, cause):
@@ -201,7 +202,7 @@ class Guards(unittest.TestCase):
             with self.subTest(keywords=keywords), self.assertRaisesRegex(viable.InputError, cause):
                 viable.Guard(self.robot, **keywords)
         viable.Guard(self.robot, 0.001, limits=None, k_alpha=np.inf, gamma=np.float32(10), recovery=np.bool_(True), objective="path",
-                     robust_loop=0, largest_deviation=np.full(6, 0.2), largest_speed=None)
+                     robust_loop=np.int64(0), largest_deviation=np.full(6, 0.2), largest_speed=None)
         with self.assertRaises(TypeError):
             viable.Guard(self.robot, 0.001, self.robot.limits)
 

@@ -281,7 +281,7 @@ void addLimits(const ConfiguredCase& configured, CaseForecast& forecast) {
         record.otherLink = start.otherLink;
         record.brokenTicks = 1;
         record.firstBroken_s = 0.0;
-        forecast.warnings.push_back("at the start " + row.broken + ": " + row.tellWorst(record) +
+        forecast.warnings.push_back("at the start " + row.broken + ": " + tell(kind, &LimitRow::tellWorst, record) +
                                     ". Change `start`, or what the limit hangs on.");
     }
 }

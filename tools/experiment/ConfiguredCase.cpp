@@ -10,6 +10,7 @@
 #include "filter/FilterChain.h"
 #include "host/ProcessGuard.h"
 #include "host/WatchedLimit.h"
+#include "limits/LimitRows.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
 #include "viable/simulation/ArmHardware.h"
@@ -169,10 +170,13 @@ LimitScene makeScene(const CasePlan& plan) {
 }
 
 LimitSet findLimits(const CasePlan& plan) {
-    LimitSet found = findLimits(makeScene(plan));
-    for (const LimitKind kind : listArmLimits())
-        if (const std::string library = findLimitLibrary(kind); !library.empty() && plan.libraries.count(library) == 0)
-            found.set(kind, false);
+    LimitSet found;
+    for (const LimitKind kind : listArmLimits()) {
+        const std::set<std::string> libraries = detail::findLimitLibraries(kind);
+        const bool isUsed = std::any_of(libraries.begin(), libraries.end(),
+                                        [&](const std::string& one) { return plan.libraries.count(one) > 0; });
+        if (libraries.empty() || isUsed) found.set(kind, hasLimit(kind, makeScene(plan)));
+    }
     return found;
 }
 

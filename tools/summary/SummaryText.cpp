@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/Text.h"
+#include "host/WatchedLimit.h"
 #include "summary/CaseResult.h"
 #include "summary/SummaryFigures.h"
 #include "viable/core/Numbers.h"
@@ -273,40 +274,32 @@ std::string formatCommandErrors(const CaseResult& r) {
     return text.empty() ? "" : "  command      " + text + "\n";
 }
 
-/** What a row's function tells, if there is one. That of a library may throw, after a run that shall be told of. */
-template <class Tell, class... Arguments>
-std::string tell(const Tell& function, const Arguments&... arguments) {
-    try {
-        return function ? function(arguments...) : "";
-    } catch (...) {
-        return "(its words failed)";
-    }
-}
-
 /** "the nominal arm collided: link4 ...". @param pattern  of the row, with the arm as %s */
-std::string tellBroken(const LimitRow& row, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
+std::string tellBroken(LimitKind kind, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
     std::string text = pattern;
     if (const std::size_t at = text.find("%s"); at != std::string::npos) text.replace(at, 2, arm);
-    return text + tell(row.tellWorst, record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
+    return text + tell(kind, &LimitRow::tellWorst, record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
 }
 
 /** Whether the arms kept a limit of theirs as a whole. */
 std::string formatVerdict(const LimitAccount& account) {
     const LimitRow& row = getLimitRow(account.kind);
     std::string text;
-    if (account.nominal.brokenTicks > 0) text += "; " + tellBroken(row, row.verdict, "nominal", account.nominal);
+    if (account.nominal.brokenTicks > 0)
+        text += "; " + tellBroken(account.kind, row.verdict, "nominal", account.nominal);
     if (account.real && account.real->brokenTicks > 0)
-        text += "; " + tellBroken(row, row.verdict, "real", *account.real);
+        text += "; " + tellBroken(account.kind, row.verdict, "real", *account.real);
     if (text.empty()) text = "; " + row.kept;
-    return text + tell(row.tellInVerdict, account);
+    return text + tell(account.kind, &LimitRow::tellInVerdict, account);
 }
 
 std::string formatAccount(const LimitAccount& account) {
     const LimitRow& row = getLimitRow(account.kind);
-    std::string text =
-        format("  %-13s nominal: ", row.label.c_str()) + tell(row.tellArm, account, account.nominal) + "\n";
-    if (account.real) text += format("  %-13s real: ", "") + tell(row.tellArm, account, *account.real) + "\n";
-    return text + tell(row.tellMore, account);
+    std::string text = format("  %-13s nominal: ", row.label.c_str()) +
+                       tell(account.kind, &LimitRow::tellArm, account, account.nominal) + "\n";
+    if (account.real)
+        text += format("  %-13s real: ", "") + tell(account.kind, &LimitRow::tellArm, account, *account.real) + "\n";
+    return text + tell(account.kind, &LimitRow::tellMore, account);
 }
 
 /** Of a table: cases may be of different arms. */
@@ -636,7 +629,7 @@ std::string formatBreach(const CaseResult& r) {
     for (const LimitAccount& account : r.summary.accounts()) {
         if (!r.brokenGuarantees().has(account.kind)) continue;
         const LimitRow& row = getLimitRow(account.kind);
-        addItem(text, tellBroken(row, row.breach, "nominal", account.nominal), "; ");
+        addItem(text, tellBroken(account.kind, row.breach, "nominal", account.nominal), "; ");
     }
     return text;
 }

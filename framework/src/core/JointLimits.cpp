@@ -179,16 +179,23 @@ KindTable& getKinds() {
 LimitKind addLimitKind(const std::string& name, const std::string& unit) {
     KindTable& kinds = getKinds();
     const std::lock_guard<std::mutex> guard(kinds.adding);
-    for (int k = 0; k < kinds.count; ++k)
-        if (kinds.rows[static_cast<std::size_t>(k)].neither == name) return static_cast<LimitKind>(k);
+    const std::string where = "kind of limit '" + name + "'";
+    for (int k = 0; k < kinds.count; ++k) {
+        const KindNames& known = kinds.rows[static_cast<std::size_t>(k)];
+        if (known.neither != name) continue;
+        if (known.unit != unit)
+            throw badInput(where, "it has the unit '" + known.unit + "' here already, not '" + unit + "'",
+                           "Choose another name, or the same unit.");
+        return static_cast<LimitKind>(k);
+    }
     const bool isWord = !name.empty() && name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == name.npos;
     if (!isWord)
-        throw badInput("kind of limit '" + name + "'", "its name is no word of small letters, digits and _",
+        throw badInput(where, "its name is no word of small letters, digits and _",
                        "Choose a word such as `upright`: log channels are named after it.");
     if (kinds.count == kMostLimitKinds)
-        throw badInput("kind of limit '" + name + "'",
-                       "there is no room for it beside " + std::to_string(kMostLimitKinds - 1) + " others",
-                       "Leave out a plugin that adds a kind of limit.");
+        throw badInput(
+            where, "there is no room for it beside " + std::to_string(kMostLimitKinds - 1) + " others",
+            "Leave out a plugin that adds a kind of limit. If logs brought kinds along, start a new process.");
     return kinds.add(name, unit, unit);
 }
 

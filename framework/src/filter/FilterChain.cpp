@@ -89,12 +89,16 @@ FilterStatus FilterChain::filter(const FilterInput& input, FilterDecision& decis
         if (!isFinite(candidate_.value, n))
             throw PluginFault("its decision has the wrong size or is not finite", kOnValues);
         const bool passed = answer == FilterStatus::Passed;
-        if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) continue;
         if (passed && i > 0) {
             candidate_.joints = decision.joints;  // what held the joints back is what did before
             const bool looks = isAnyKnown(candidate_.reports, ofPeople_);
             candidate_.reports.complete(decision.reports);  // and so is what was seen of the same motion
             if (!looks) candidate_.peopleFaults = decision.peopleFaults;
+        }
+        if (passed && guaranteeing_ >= 0 && static_cast<int>(i) > guaranteeing_) {
+            decision.reports = candidate_.reports;
+            decision.peopleFaults = candidate_.peopleFaults;
+            continue;
         }
         if (!passed)
             status = answer;

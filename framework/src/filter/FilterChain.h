@@ -9,9 +9,10 @@ namespace viable {
 
 /** Several filters in a row as one: each is for the next what the controller is for the first.
 
-The guarantee is that of the last filter that makes one. What stands in the end is the decision of the last filter; of
-those behind the guaranteeing one only what they changed (Modified and the like): a Passed from there is no objection, and
-the guaranteed decision stays as it is, to the last bit. A filter whose decision a later one changed finds an arm that
+Of the limits of the joints the guarantee is that of the last filter that makes one; of all others it is the last
+filter's. What stands in the end is the decision of the last filter; of those behind the guaranteeing one only what they
+changed (Modified and the like): a Passed from there is no objection. The guaranteed decision then stays as it is, to the
+last bit, with their reports. A filter whose decision a later one changed finds an arm that
 moved otherwise than it decided, which every filter must bear.
 Status: that of the decision that stands; Modified where that one passed what an earlier filter had changed.
 Real time and thread: as its filters. Where one of them fails, a PluginFault is thrown: the host contains it. */
@@ -28,7 +29,7 @@ public:
     /** Which filter to name when the chain fails: the one that was called last, or, after a decision, the one whose
     decision it is. */
     std::size_t answerable() const { return answerable_; }
-    /** The one whose guarantee is the chain's; -1: none guarantees. */
+    /** The one whose guarantee of the joints' limits is the chain's; -1: none guarantees them. */
     int guaranteeing() const { return guaranteeing_; }
 
     void configure(const RunSetup&, const Parameters&) override {}  // its filters are, before add()

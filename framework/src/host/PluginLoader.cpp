@@ -25,7 +25,6 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <system_error>
 
 #include "core/ChildProcess.h"
@@ -33,6 +32,7 @@
 #include "host/FloatingPointGuard.h"
 #include "host/PluginCall.h"
 #include "host/ProcessGuard.h"
+#include "limits/LimitRows.h"
 
 // The build says where plugins are installed below the prefix.
 #ifndef VIABLE_INSTALL_LIBDIR
@@ -382,23 +382,37 @@ using TableFunction = const PluginLibrary* (*)();
 
 /** Runs code of the library; whatever it throws becomes a Refusal that begins with `what`. */
 template <class Work>
-void runForeign(const std::string& what, const char* remedy, const Work& work) {
-    if (const std::string thrown = describeThrow(work); !thrown.empty()) throw Refusal{what + " " + thrown, remedy};
+void runForeign(const std::string& what, std::string remedy, const Work& work) {
+    const std::string thrown = describeThrow([&] {
+        try {
+            work();
+        } catch (const Error&) {  // its words end with a remedy of their own
+            remedy.clear();
+            throw;
+        }
+    });
+    if (!thrown.empty()) throw Refusal{what + " " + thrown, remedy};
 }
 
 /** The library's checked table. Until the stamp is known to be equal its code hands over plain data only. */
-const PluginLibrary* openTable(TableFunction getTable) {
+const PluginLibrary* openTable(TableFunction getTable, const std::string& file) {
     const PluginLibrary* library = nullptr;
     runForeign(std::string(kPluginSymbol) + "()", "Use VIABLE_PLUGIN() to export the plugin",
                [&] { library = getTable(); });
     checkTable(library);
     static std::mutex opening;
-    static std::set<const PluginLibrary*> opened;
+    static std::map<const PluginLibrary*, std::optional<Refusal>> opened;  // why it was refused
     const std::lock_guard<std::mutex> lock(opening);
-    if (library->open && opened.count(library) == 0)
-        runForeign("the function that describes its options and adds its kinds of limits", "", library->open);
+    const auto [known, isNew] = opened.try_emplace(library);
+    if (isNew && library->open) try {
+            runForeign("the function that describes its options and adds its kinds of limits",
+                       "Leave only describe() and addLimit() there, and let them throw nothing",
+                       [&] { detail::addLimitsOf(file, library->open); });
+        } catch (const Refusal& refusal) {
+            known->second = refusal;
+        }
+    if (known->second) throw *known->second;
     for (std::uint32_t i = 0; i < library->entryCount; ++i) checkParameters(library->entries[i]);
-    opened.insert(library);
     return library;
 }
 
@@ -475,7 +489,7 @@ void tryLibrary(const fs::path& file, double timeout_s) {
         try {
             void* const handle = openLibrary(file);  // what the linker refuses is told below
             if (void* const symbol = handle ? dlsym(handle, kPluginSymbol) : nullptr)
-                openTable(reinterpret_cast<TableFunction>(symbol));
+                openTable(reinterpret_cast<TableFunction>(symbol), file);
         } catch (...) {  // likewise
         }
         *hasOpened = true;
@@ -492,9 +506,10 @@ void tryLibrary(const fs::path& file, double timeout_s) {
         else
             nanosleep(&kLook, nullptr);
     }
-    throw Error(ErrorKind::PluginFailed, nameLibrary(file), "failed while it was loaded: " + lost,
-                "Fix its static objects and other start-up code: `gdb --args viable run ...` without --isolate shows "
-                "the line.");
+    throw Error(
+        ErrorKind::PluginFailed, nameLibrary(file), "failed while it was loaded: " + lost,
+        "Fix its static objects, describe() and the function of its limits: `gdb --args viable run ...` without "
+        "--isolate shows the line.");
 }
 
 /** Loads the file (canonical path) and returns its checked table; throws Refusal. */
@@ -521,7 +536,7 @@ const PluginLibrary* loadTable(const fs::path& file, double trial_s) {
             failure = text ? text : "no reason given";
         } else if (void* symbol = dlsym(handle, kPluginSymbol)) {
             try {
-                library = openTable(reinterpret_cast<TableFunction>(symbol));
+                library = openTable(reinterpret_cast<TableFunction>(symbol), file);
             } catch (const Refusal& found) {
                 refusal = found;
             }

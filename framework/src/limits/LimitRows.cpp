@@ -2,8 +2,10 @@
 
 #include <array>
 #include <atomic>
+#include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -38,8 +40,59 @@ void setIfEmpty(std::string& text, const std::string& value) {
     if (text.empty()) text = value;
 }
 
-/** What the row leaves open follows from the kind's name and unit. */
-LimitRow complete(LimitRow row, LimitKind kind) {
+/** Rows are never changed nor destroyed: a kind that gets another one keeps the first for those who have it. */
+struct RowTable {
+    RowTable() {
+        set(LimitKind::Clearance, detail::makeClearanceRow());
+        set(LimitKind::Speed, detail::makePointSpeedRow());
+        set(LimitKind::Separation, detail::makeSeparationRow());
+    }
+    void set(LimitKind kind, LimitRow row) {
+        at(kind) = kept.emplace_back(std::make_unique<const LimitRow>(detail::complete(std::move(row), kind))).get();
+    }
+    std::atomic<const LimitRow*>& at(LimitKind kind) {
+        VIABLE_CHECK(kind >= kFirstArmLimit && static_cast<int>(kind) < kMostLimitKinds,
+                     "a kind of limit that is not of the whole arm has no row");
+        return rows[static_cast<std::size_t>(static_cast<int>(kind) - kFirst)];
+    }
+
+    std::array<std::atomic<const LimitRow*>, kMostLimitKinds - kFirst> rows{};
+    std::vector<std::unique_ptr<const LimitRow>> kept;     ///< those that others took the place of, too
+    std::map<LimitKind, std::set<std::string>> libraries;  ///< see findLimitLibraries()
+    std::mutex adding;
+};
+
+RowTable& getRows() {
+    static RowTable& rows = *new RowTable;
+    return rows;
+}
+
+thread_local std::string opening;  // the library whose open() runs
+
+struct ReservedNames {
+    const char* what;
+    std::vector<std::string> (*list)();
+};
+
+std::vector<ReservedNames>& updReserved() {
+    static std::vector<ReservedNames>& reserved = *new std::vector<ReservedNames>;
+    return reserved;
+}
+
+/** What has the name of a kind, or of its block, already; null: nothing has. */
+const char* findOther(const std::string& name, const std::string& block) {
+    for (const LimitKind kind : listArmLimits())
+        if (name != getName(kind, LimitSide::Neither) && block == getLimitRow(kind).block)
+            return "another limit's block";
+    for (const ReservedNames& reserved : updReserved())
+        for (const std::string& taken : reserved.list())
+            if (taken == name || taken == block) return reserved.what;
+    return nullptr;
+}
+
+}  // namespace
+
+LimitRow detail::complete(LimitRow row, LimitKind kind) {
     const std::string name = getName(kind, LimitSide::Neither), unit = getUnit(kind, false);
     const std::string end = unit.empty() ? "" : "_" + makeUnitSuffix(unit);
     setIfEmpty(row.label, name);
@@ -66,61 +119,13 @@ LimitRow complete(LimitRow row, LimitKind kind) {
         setIfEmpty(row.limitKey, "limit" + end);
         row.figures = {{"worst" + end, &A::worst, "worst" + end, unit, "Worst of " + row.label},
                        {"ticks_broken", &A::brokenTicks, "ticks_broken", "", "Ticks beyond the limit of " + row.label},
+                       {"ticks_at_fault", &A::violatedTicks},
                        {"worst_s", &A::worst_s},
                        {"first_broken_s", &A::firstBroken_s},
                        {"part", &A::part}};
     }
     return row;
 }
-
-/** Rows are never changed nor destroyed: a kind that gets another one keeps the first for those who have it. */
-struct RowTable {
-    RowTable() {
-        set(LimitKind::Clearance, detail::makeClearanceRow());
-        set(LimitKind::Speed, detail::makePointSpeedRow());
-        set(LimitKind::Separation, detail::makeSeparationRow());
-    }
-    void set(LimitKind kind, LimitRow row) {
-        at(kind) = kept.emplace_back(std::make_unique<const LimitRow>(complete(std::move(row), kind))).get();
-    }
-    std::atomic<const LimitRow*>& at(LimitKind kind) {
-        VIABLE_CHECK(kind >= kFirstArmLimit && static_cast<int>(kind) < kMostLimitKinds,
-                     "a kind of limit that is not of the whole arm has no row");
-        return rows[static_cast<std::size_t>(static_cast<int>(kind) - kFirst)];
-    }
-
-    std::array<std::atomic<const LimitRow*>, kMostLimitKinds - kFirst> rows{};
-    std::vector<std::unique_ptr<const LimitRow>> kept;  ///< those that others took the place of, too
-    std::mutex adding;
-};
-
-RowTable& getRows() {
-    static RowTable& rows = *new RowTable;
-    return rows;
-}
-
-struct ReservedNames {
-    const char* what;
-    std::vector<std::string> (*list)();
-};
-
-std::vector<ReservedNames>& updReserved() {
-    static std::vector<ReservedNames>& reserved = *new std::vector<ReservedNames>;
-    return reserved;
-}
-
-/** What has the name of a kind, or of its block, already; null: nothing has. */
-const char* findOther(const std::string& name, const std::string& block) {
-    for (const LimitKind kind : listArmLimits())
-        if (name != getName(kind, LimitSide::Neither) && block == getLimitRow(kind).block)
-            return "another limit's block";
-    for (const ReservedNames& reserved : updReserved())
-        for (const std::string& taken : reserved.list())
-            if (taken == name || taken == block) return reserved.what;
-    return nullptr;
-}
-
-}  // namespace
 
 bool detail::reserveLimitNames(const char* what, std::vector<std::string> (*list)()) {
     updReserved().push_back({what, list});
@@ -137,18 +142,42 @@ std::string detail::makeUnitSuffix(const std::string& unit) {
     return suffix;
 }
 
-LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row) {
+void detail::addLimitsOf(const std::string& library, void (*open)()) {
+    struct Opening {
+        ~Opening() { opening.clear(); }
+    } const ends;
+    opening = library;
+    open();
+}
+
+std::set<std::string> detail::findLimitLibraries(LimitKind kind) {
     RowTable& rows = getRows();
-    const auto refuse = [&](const std::string& what) {
-        throw badInput("kind of limit '" + name + "'", "that is " + what, "Choose another name.");
+    const std::lock_guard<std::mutex> guard(rows.adding);
+    const auto found = rows.libraries.find(kind);
+    return found == rows.libraries.end() ? std::set<std::string>() : found->second;
+}
+
+LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row) {
+    static std::mutex taking;  // a name, from the look at the others on: they are listed without rows.adding
+    const std::lock_guard<std::mutex> one(taking);
+    RowTable& rows = getRows();
+    const auto refuse = [&](const std::string& what, const char* remedy = "Choose another name.") {
+        throw badInput("kind of limit '" + name + "'", what, remedy);
     };
     if (const char* other = findOther(name, row.block.empty() ? name : row.block))
-        refuse(std::string("the name of ") + other);
+        refuse(std::string("that is the name of ") + other);
     const std::lock_guard<std::mutex> guard(rows.adding);
     const LimitKind kind = addLimitKind(name, unit);
-    if (kind < kFirstArmLimit) refuse("a limit of the joints");
+    if (kind < kFirstArmLimit) refuse("that is a limit of the joints");
     const LimitRow* const old = rows.at(kind);
-    if (!old || !old->make) rows.set(kind, std::move(row));
+    const bool isCounted = old && old->make;
+    std::set<std::string>& libraries = rows.libraries[kind];
+    const bool isOfProgram = isCounted && libraries.empty();
+    if (isCounted && row.make && row.make != old->make)
+        refuse("it is counted by " + (isOfProgram ? "the program" : *libraries.begin()) + " already",
+               "Load one library that counts it, or choose another name.");
+    if (row.make && !opening.empty() && !isOfProgram) libraries.insert(opening);
+    if (!isCounted) rows.set(kind, std::move(row));
     return kind;
 }
 
@@ -163,20 +192,6 @@ const LimitRow& getLimitRow(LimitKind kind) {
 LimitSet findPeopleLimits() {
     LimitSet found;
     for (const LimitKind kind : listArmLimits()) found.set(kind, getLimitRow(kind).watchesPeople);
-    return found;
-}
-
-LimitSet findLimits(const LimitScene& scene) {
-    LimitSet found;
-    for (const LimitKind kind : listArmLimits()) {
-        const LimitRow& row = getLimitRow(kind);
-        try {
-            found.set(kind, row.make && (!row.exists || row.exists(scene)));
-        } catch (const std::exception& e) {
-            throw Error(ErrorKind::PluginFailed, std::string("the limit '") + getName(kind, LimitSide::Neither) + "'",
-                        std::string("could not say whether a case has it: ") + e.what());
-        }
-    }
     return found;
 }
 

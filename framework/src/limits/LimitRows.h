@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,14 @@ namespace viable::detail {
 for when a kind is added, without a lock.
 @param what  has these names, "a channel of the log" */
 bool reserveLimitNames(const char* what, std::vector<std::string> (*list)());
+
+/** Runs open() of a plugin library, a file: the kinds that it adds are that library's. */
+void addLimitsOf(const std::string& library, void (*open)());
+/** The plugin libraries that count that kind, all by the same code; empty: the program does, or nobody. */
+std::set<std::string> findLimitLibraries(LimitKind kind);
+
+/** What the row leaves open follows from the kind's name and unit. */
+LimitRow complete(LimitRow row, LimitKind kind);
 
 /** "rad/s^2" as names have it: "radps2". */
 std::string makeUnitSuffix(const std::string& unit);

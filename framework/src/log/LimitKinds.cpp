@@ -3,7 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "viable/limits/ArmLimit.h"
+#include "limits/LimitRows.h"
 
 namespace viable {
 
@@ -57,8 +57,7 @@ std::vector<Row> readMembers(const json& list, const Named<typename Row::Member>
     return rows;
 }
 
-json describeKind(LimitKind kind) {
-    const LimitRow& row = getLimitRow(kind);
+json describeKind(LimitKind kind, const LimitRow& row) {
     json one = {{"unit", getUnit(kind, false)},
                 {"side", getName(row.side)},
                 {"columns", writeMembers(row.columns, &LimitColumn::name, kMembers)},
@@ -78,10 +77,15 @@ LimitRow readRow(const json& one) {
     return row;
 }
 
+/** Of what stands in a log all that is known here: a later version may tell more. */
+bool isToldBy(const json& one, LimitKind kind) {
+    return describeKind(kind, detail::complete(readRow(one), kind)) == describeKind(kind, getLimitRow(kind));
+}
+
 void readKind(const std::string& name, const json& one) {
     const bool isOld = one.is_string();
     for (const LimitKind kind : listArmLimits())  // what was told before adds nothing
-        if (name == getName(kind, LimitSide::Neither) && (isOld || one == describeKind(kind))) return;
+        if (name == getName(kind, LimitSide::Neither) && (isOld || isToldBy(one, kind))) return;
     addLimit(name, (isOld ? one : one.at("unit")).get<std::string>(), isOld ? LimitRow() : readRow(one));
 }
 
@@ -90,7 +94,7 @@ void readKind(const std::string& name, const json& one) {
 std::string writeLimitKinds() {
     json kinds;
     for (const LimitKind kind : listArmLimits())
-        if (kind > kLastOwnLimit) kinds[getName(kind, LimitSide::Neither)] = describeKind(kind);
+        if (kind > kLastOwnLimit) kinds[getName(kind, LimitSide::Neither)] = describeKind(kind, getLimitRow(kind));
     return kinds.is_null() ? "" : kinds.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 

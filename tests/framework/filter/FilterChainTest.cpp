@@ -46,6 +46,8 @@ public:
             nearest.margin = clearance;
             nearest.age_s = 10.0 * clearance;
         }
+        if (faults.lost > 0) decision.reports[LimitKind::Separation].isKnown = true;
+        decision.peopleFaults = faults;
         if (chosen == wanted) return FilterStatus::Passed;
         decision.joints[0] = {LimitKind::Jerk, LimitSide::Upper};
         decision.hasStops = guarantees_;
@@ -58,6 +60,7 @@ public:
     std::int64_t skipped = 0;
     bool recovery = false, takesLimits = true, throwsInReset = false;
     double clearance = 0.0;  // that it tells of; 0: of none
+    PeopleFaults faults;     // likewise
 
 private:
     Change change_;
@@ -161,6 +164,19 @@ TEST_F(Chain, NoObjectionBehindTheGuaranteeLeavesTheGuaranteedDecisionWithItsSto
     EXPECT_EQ(filter(10.0), FilterStatus::Modified);
     EXPECT_TRUE(decision_.hasStops);
     EXPECT_EQ(chain_.answerable(), 0u);
+}
+
+TEST_F(Chain, TheReportsOfALastFilterThatPassesAreToldWithTheGuaranteedDecision) {
+    add(atMost(2.0), true);
+    Law& last = add(pass);
+    last.clearance = 0.5;
+    EXPECT_EQ(filter(10.0), FilterStatus::Modified);
+    EXPECT_TRUE(decision_.hasStops);
+    EXPECT_EQ(decision_.reports[LimitKind::Clearance].margin, 0.5);
+    EXPECT_EQ(decision_.peopleFaults.lost, 0);
+    last.faults.lost = 3;
+    filter(10.0);
+    EXPECT_EQ(decision_.peopleFaults.lost, 3);
 }
 
 TEST_F(Chain, AClearanceIsToldAsLongAsItIsThatOfTheMotionThatStands) {

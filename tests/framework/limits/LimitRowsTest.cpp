@@ -2,6 +2,7 @@
 
 #include <functional>
 
+#include "limits/LimitRows.h"
 #include "log/LimitKinds.h"
 #include "log/LogFields.h"
 #include "viable/limits/ArmLimit.h"
@@ -88,14 +89,20 @@ TEST(LimitRows, WhatARowLeavesOpenFollowsFromNameAndUnit) {
 
 TEST(LimitRows, AKindIsCountedByTheFirstRowThatCanCountIt) {
     const LimitKind named = addLimit("read_from_a_log", "m", {});
-    LimitRow row;
+    static LimitRow row;
     row.make = [](const LimitScene&) -> std::unique_ptr<ArmLimit> { return std::make_unique<Nothing>(); };
     row.kept = "one";
-    EXPECT_EQ(addLimit("read_from_a_log", "m", row), named);
+    detail::addLimitsOf("/one.so", [] { addLimit("read_from_a_log", "m", row); });
     EXPECT_EQ(getLimitRow(named).kept, "one");
     row.kept = "two";
-    addLimit("read_from_a_log", "m", row);
+    detail::addLimitsOf("/two.so", [] { addLimit("read_from_a_log", "m", row); });  // by the same code
     EXPECT_EQ(getLimitRow(named).kept, "one");
+    EXPECT_EQ(detail::findLimitLibraries(named), (std::set<std::string>{"/one.so", "/two.so"}));
+    row.make = [](const LimitScene&) -> std::unique_ptr<ArmLimit> { return nullptr; };
+    EXPECT_NE(errorOf([&] { addLimit("read_from_a_log", "m", row); }).find("it is counted by /one.so already"),
+              std::string::npos);
+    EXPECT_NE(errorOf([] { addLimit("read_from_a_log", "cm", {}); }).find("the unit 'm' here already, not 'cm'"),
+              std::string::npos);
     EXPECT_EQ(addLimit("speed", "m/s", {}), LimitKind::Speed);
     EXPECT_EQ(getLimitRow(LimitKind::Speed).kept, "speed limits kept");
 }
@@ -134,6 +141,10 @@ TEST(LimitRows, ALogTellsItsReaderOfKindsThatOthersHaveAdded) {
     EXPECT_EQ(read.figures[1].member, row.figures[1].member);
     readLimitKinds(told);
     readLimitKinds(R"({"gap": "m", "position": "rad", "motor": "Nm", "sway": {"unit": 7}})");  // of before, or damaged
+    std::string later = told;  // of a version that tells more
+    const std::string columns = "\"columns\":[";
+    later.replace(later.find(columns), columns.size(), "\"brand\":1," + columns + "[\"far_m\",\"farthest\"],");
+    readLimitKinds(later);
     EXPECT_EQ(&getLimitRow(gap), &read);
     for (const char* name : {"motor", "position"}) EXPECT_FALSE(isLimit(name));
 }
@@ -141,7 +152,8 @@ TEST(LimitRows, ALogTellsItsReaderOfKindsThatOthersHaveAdded) {
 TEST(LimitRows, NamesThatCannotBeAreRefused) {
     EXPECT_NE(errorOf([] { addLimit("Sway", "", {}); }).find("is no word of small letters"), std::string::npos);
     EXPECT_NE(errorOf([] { addLimit("", "", {}); }).find("is no word of small letters"), std::string::npos);
-    EXPECT_NE(errorOf([] { addLimit("jerk", "", {}); }).find("that is a limit of the joints"), std::string::npos);
+    EXPECT_NE(errorOf([] { addLimit("jerk", "rad/s^3", {}); }).find("that is a limit of the joints"),
+              std::string::npos);
     for (const LogChannel* channel : listLogChannels())
         if (!isLimit(channel->name)) {
             EXPECT_NE(errorOf([&] { addLimit(channel->name, "", {}); }).find("is the name of a channel of the log"),

@@ -31,7 +31,8 @@ Keywords makeBatchKeywords(ArmBatchOptions& options) {
     keywords.addObject("plant", "Mapping[str, Any]|None",
                        "A simulated real arm behind each nominal one, as `real_plant` of an experiment file. "
                        "None: nominal arms alone, four times as fast.",
-                       [&options](const py::handle& value, const std::string&) {
+                       [&options](const py::handle& value, const std::string& place) {
+                           ConfigMap{makeNode(value, place)};  // refuses what is none
                            py::dict block;
                            block["plugin"] = "simbody";
                            block.attr("update")(value);

@@ -44,6 +44,15 @@ std::string getType(const ParameterSpec& spec) {
     return type + (isOptional(spec) ? " | None" : "");
 }
 
+/** Of 0 and 1 the flags that they are; all else as it is. */
+py::object makeFlag(const py::handle& value) {
+    const auto number = py::reinterpret_steal<py::object>(PyNumber_Index(value.ptr()));
+    const long flag = number ? PyLong_AsLong(number.ptr()) : -1;
+    PyErr_Clear();
+    if (flag == 0 || flag == 1) return py::bool_(flag == 1);
+    return py::reinterpret_borrow<py::object>(value);
+}
+
 }  // namespace
 
 std::string formatValue(const py::handle& value) {
@@ -86,8 +95,8 @@ void Keywords::read(const std::string& owner, const py::kwargs& given, int joint
         const Object* const object = findObject(name);
         if (object)
             errors.collect([&, &value = value] { object->take(value, owner + ": " + name); });
-        else if (spec != specs.end() && spec->type == ParameterType::Flag && PyLong_Check(value.ptr()))
-            settings[key] = py::bool_(PyObject_IsTrue(value.ptr()) == 1);  // 0 and 1, too
+        else if (spec != specs.end() && spec->type == ParameterType::Flag)
+            settings[key] = makeFlag(value);
         else
             settings[key] = value;
     }

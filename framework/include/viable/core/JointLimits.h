@@ -42,7 +42,7 @@ const char* getName(LimitKind kind, LimitSide side);
 const char* getName(LimitSide side);
 
 /** The kind of that name, a new one where there is none yet. Any thread. Throws Error (BadInput) where there is no room
-for one more, or where the name is no snake_case word.
+for one more, where the kind has another unit, or where the name is no snake_case word.
 @param unit  of it, such as "deg" */
 LimitKind addLimitKind(const std::string& name, const std::string& unit);
 

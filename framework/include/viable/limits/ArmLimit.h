@@ -233,7 +233,8 @@ struct LimitRow {
 
 /** Adds a kind of limit, and with it its log channel, figures, words, verdict and exit code. A plugin's library adds its
 kinds in a function that VIABLE_PLUGIN names, `void addLimits() { kUpright = viable::addLimit("upright", "deg", makeRow()); }`.
-The row takes the place of one that nobody counts. Throws as addLimitKind(). Any thread. */
+An embedding program adds its own in main() or later. The row takes the place of one that nobody counts. Throws as
+addLimitKind(), and where other code counts that kind already. Any thread. */
 LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow row);
 
 /** The row of a kind from kFirstArmLimit on. Any thread; lives for ever. */
@@ -260,9 +261,6 @@ inline ArmLimitRange listArmLimits() {
 
 /** The kinds that watch people. */
 LimitSet findPeopleLimits();
-
-/** The kinds that a case has. */
-LimitSet findLimits(const LimitScene& scene);
 
 /** Clearances are looked for up to here [m], and two ways to compute one agree to this [m]. */
 inline constexpr double kClearanceHorizon_m = 1.0, kClearanceRounding_m = 1e-9;
