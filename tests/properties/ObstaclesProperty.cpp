@@ -42,6 +42,7 @@ public:
         if (random.chance(0.6)) environment_.spheres.push_back(drawSphere(kReach_m));
         drawStart(0.3, 1.0, 3.0);
         drawOptions(0.5, 0.4);
+        if (random.chance(0.5)) options_.joints.objective = Objective::Torque;
         if (random.chance(0.1))
             options_.torqueRate = JointVector(random.uniform(3.0, 30.0) * description_.actuation.torqueLimit);
         putsAgain_ = random.chance(0.2) ? random.logUniform(0.003, 1.0) : 0.0;

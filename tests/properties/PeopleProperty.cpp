@@ -27,7 +27,8 @@ constexpr double kMoves = 0.02;  ///< [rad/s]
 class PeopleCase : public PushedArm {
 public:
     PeopleCase(Robot& robot, Random& random) : PushedArm(robot, random) {
-        scaleLimits(random.logUniform(0.1, 10.0), random.logUniform(0.3, 3.0));
+        const double jerk = random.logUniform(0.1, 10.0), acceleration = random.logUniform(0.3, 3.0);
+        scaleLimits(jerk, acceleration);
         if (random.chance(0.3)) description_.speedLimits.arm = random.logUniform(0.1, 2.0);
         drawStart(0.2, 0.5, 0.0);
         drawOptions(0.2, 0.5);

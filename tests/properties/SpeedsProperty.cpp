@@ -21,7 +21,8 @@ constexpr int kTicksPerStop = 50;
 class SpeedCase : public PushedArm {
 public:
     SpeedCase(Robot& robot, Random& random) : PushedArm(robot, random) {
-        scaleLimits(random.logUniform(0.03, 3.0), random.logUniform(0.1, 3.0));
+        const double jerk = random.logUniform(0.03, 3.0), acceleration = random.logUniform(0.1, 3.0);
+        scaleLimits(jerk, acceleration);
         SpeedLimits& speeds = description_.speedLimits;
         if (random.chance(0.8)) speeds.arm = random.logUniform(0.02, 2.0);
         if (random.chance(0.3)) speeds.tool = random.logUniform(0.02, 2.0);

@@ -214,6 +214,8 @@ for path, value in [
 ]:
     judge(f"{path} = {value}", edited(path, value), True)
 
+judge("payload", {**BASE, "payload_kg": 1, "payload_offset_m": [0, 0, "~uniform(0, 0.1)"]}, True)
+
 for path, value in [
     ("schema", None), ("title", None), ("cases", None), ("robot", None), ("duration_s", None), ("command", None),
     ("controller", None), ("filter", None), ("schema", 2), ("schema", "one"), ("duraton_s", 3), ("cases", {}),

@@ -46,7 +46,8 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
         return named;
     }
     for (const LimitKind kind : listArmLimits())  // a library's own unit
-        if (named.name.compare(suffix, std::string::npos, makeUnitSuffix(getUnit(kind, false))) == 0)
+        if (named.name.compare(0, first, getName(kind, LimitSide::Neither)) == 0 &&
+            named.name.compare(suffix, std::string::npos, makeUnitSuffix(getUnit(kind, false))) == 0)
             named.unit = getUnit(kind, false);
     return named;
 }

@@ -175,7 +175,7 @@ LimitKind addLimit(const std::string& name, const std::string& unit, LimitRow ro
     const bool isOfProgram = isCounted && libraries.empty();
     if (isCounted && row.make && row.make != old->make)
         refuse("it is counted by " + (isOfProgram ? "the program" : *libraries.begin()) + " already",
-               "Load one library that counts it, or choose another name.");
+               "Load one library that counts it, put it into a library that both link, or choose another name.");
     if (row.make && !opening.empty() && !isOfProgram) libraries.insert(opening);
     if (!isCounted) rows.set(kind, std::move(row));
     return kind;

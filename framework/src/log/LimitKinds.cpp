@@ -82,11 +82,20 @@ bool isToldBy(const json& one, LimitKind kind) {
     return describeKind(kind, detail::complete(readRow(one), kind)) == describeKind(kind, getLimitRow(kind));
 }
 
-void readKind(const std::string& name, const json& one) {
+/** Of a kind that is known here its numbers would be shown in another unit. */
+void checkUnit(const std::string& name, const std::string& unit) {
+    for (const LimitKind kind : listArmLimits())
+        if (name == getName(kind, LimitSide::Neither) && unit != getUnit(kind, false))
+            throw badInput("kind of limit '" + name + "'",
+                           "the log has it in '" + unit + "', here it is in '" + getUnit(kind, false) + "'",
+                           "Read the log in a program that has not loaded a library or log with the other unit.");
+}
+
+void readKind(const std::string& name, const std::string& unit, const json& one) {
     const bool isOld = one.is_string();
     for (const LimitKind kind : listArmLimits())  // what was told before adds nothing
         if (name == getName(kind, LimitSide::Neither) && (isOld || isToldBy(one, kind))) return;
-    addLimit(name, (isOld ? one : one.at("unit")).get<std::string>(), isOld ? LimitRow() : readRow(one));
+    addLimit(name, unit, isOld ? LimitRow() : readRow(one));
 }
 
 }  // namespace
@@ -101,10 +110,15 @@ std::string writeLimitKinds() {
 void readLimitKinds(const std::string& text) {
     const json kinds = json::parse(text, nullptr, false);
     if (!kinds.is_object()) return;
-    for (const auto& [name, one] : kinds.items()) try {
-            readKind(name, one);
-        } catch (const std::exception&) {
+    for (const auto& [name, one] : kinds.items()) {
+        const json& unit = one.is_object() && one.contains("unit") ? one["unit"] : one;
+        if (!unit.is_string()) continue;
+        checkUnit(name, unit);
+        try {
+            readKind(name, unit, one);
+        } catch (const std::exception&) {  // what it does not tell follows from name and unit
         }
+    }
 }
 
 }  // namespace viable

@@ -146,6 +146,8 @@ TEST(LimitRows, ALogTellsItsReaderOfKindsThatOthersHaveAdded) {
     later.replace(later.find(columns), columns.size(), "\"brand\":1," + columns + "[\"far_m\",\"farthest\"],");
     readLimitKinds(later);
     EXPECT_EQ(&getLimitRow(gap), &read);
+    EXPECT_NE(errorOf([] { readLimitKinds(R"({"gap": "mm"})"); }).find("has it in 'mm', here it is in 'm'"),
+              std::string::npos);
     for (const char* name : {"motor", "position"}) EXPECT_FALSE(isLimit(name));
 }
 

@@ -46,13 +46,16 @@ TEST(CaseLimits, AKindOfALibraryIsOfExperimentsThatUseIt) {
     const std::string cases = "cases: {A: {}}";
     text.replace(text.find(cases), cases.size(),
                  "cases: {A: {}, B: {filter: {plugin: " VIABLE_BROKEN_PLUGIN_DIR
-                 "/viable_filter_upright.so, judge: cannot_say}}}");
+                 "/viable_filter_upright.so, judge: cannot_say}}, "
+                 "C: {filter: {plugin: " VIABLE_BROKEN_PLUGIN_DIR "/viable_filter_upright.so}}}");
     const Experiment with = readTestExperiment(text), without = readTestExperiment(test::kOneJoint);
     const LimitSet upright{addLimitKind("upright", "deg")};
     for (const CasePlan& plan : with.cases) EXPECT_EQ(findLimits(plan), upright) << plan.name;
     configureCase(with.cases[1]);  // from here on it cannot say whether a case has it
     EXPECT_THROW(findLimits(with.cases[0]), Error);
     EXPECT_TRUE(findLimits(without.cases.front()).isEmpty());
+    configureCase(with.cases[2]);  // and here again it can
+    EXPECT_EQ(findLimits(with.cases[0]), upright);
 }
 
 TEST(Forecast, OfAnArmThatIsWellTellsGainsAndMotorsAndWarnsOfNothing) {

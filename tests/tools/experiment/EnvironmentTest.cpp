@@ -156,7 +156,7 @@ TEST(Payload, NonsenseIsRefused) {
     };
     expectContains(errorOf({"payload_kg=-1"}), {"payload_kg", "[0, 1000]"});
     expectContains(errorOf({"payload_kg=1", "payload_offset_m=[0, 1]"}), {"payload_offset_m", "3"});
-    expectContains(errorOf({"payload_offset_m=[0, 0, 1]"}), {"payload_offset_m", "Add `payload_kg: ...`"});
+    expectContains(errorOf({"payload_offset_m=[0, 0, 1]"}), {"payload_offset_m", "Add `payload_kg: ...` (0: none)"});
     expectContains(errorOf({"payload_mass=2"}), {"payload_mass", "Did you mean `payload_kg`"});
     expectContains(errorOf({"payload_kg=1", "payload_offset_m=[1e200, 0, 0]"}), {"payload_offset_m", "[-10, 10]"});
     expectContains(errorOf({"payload={mass_kg: 1}"}),

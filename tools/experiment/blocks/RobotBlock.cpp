@@ -15,7 +15,7 @@ std::optional<Parameters> readPayload(const ConfigNode& experiment) {
     if (own.entries.empty()) return {};
     if (!own.find(specs[0].name))
         throw badInput(own.entries.front().second.place(), "there is no payload at this place",
-                       std::string("Add `") + specs[0].name + ": ...`, or leave this out.");
+                       std::string("Add `") + specs[0].name + ": ...` (0: none), or leave this out.");
     return readParameters(own, specs.data(), specs.size(), 0);
 }
 
