@@ -51,15 +51,15 @@ public:
     bool begin() {
         const Eigen::Vector3d far = Eigen::Vector3d::Constant(2.5);
         surroundings_ = std::make_shared<Surroundings>(environment_, -far, far, 0.5);
-        feed_ = std::make_unique<SurroundingsFeed>(surroundings_);
+        surroundingsFeed_ = std::make_unique<SurroundingsFeed>(surroundings_);
         checker_ = std::make_unique<CollisionChecker>(description_, robot_.geometry, environment_);
-        return configure(kTicksPerArm, &robot_.geometry, feed_.get(), nullptr);
+        return configure(kTicksPerArm, &robot_.geometry);
     }
 
     /** One tick; what was wrong in it. */
     Violation tick(int number) {
         const double t = number * kTick_s;
-        if (random_.chance(putsAgain_)) feed_->put(surroundings_, t);  // nothing has changed
+        if (random_.chance(putsAgain_)) surroundingsFeed_->put(surroundings_, t);  // nothing has changed
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
         const bool isMissed = number > 0 && misses();
         if (isMissed)
@@ -158,7 +158,6 @@ private:
 
     Environment environment_;
     std::shared_ptr<const Surroundings> surroundings_;
-    std::unique_ptr<SurroundingsFeed> feed_;
     std::unique_ptr<CollisionChecker> checker_;
     JointVector lastTorque_;
     double putsAgain_ = 0.0;  ///< share of ticks

@@ -41,9 +41,9 @@ public:
     }
 
     bool begin() {
-        feed_ = std::make_unique<PeopleFeed>(walkers_->people());
+        peopleFeed_ = std::make_unique<PeopleFeed>(walkers_->people());
         see();
-        if (!configure(kTicksPerArm, hasGeometry_ ? &robot_.geometry : nullptr, nullptr, feed_.get())) return false;
+        if (!configure(kTicksPerArm, hasGeometry_ ? &robot_.geometry : nullptr)) return false;
         if (!filter_.traits().guarantees.has(LimitKind::Separation)) return false;
         checker_.emplace(description_, robot_.geometry, walkers_->people());
         return true;
@@ -76,7 +76,7 @@ public:
 private:
     void see() {
         walkers_->observe(seen_);
-        feed_->put(seen_);
+        peopleFeed_->put(seen_);
     }
 
     Violation checkDecision() {
@@ -136,7 +136,6 @@ private:
     }
 
     std::optional<Walkers> walkers_;
-    std::unique_ptr<PeopleFeed> feed_;
     std::optional<detail::SeparationLimit> checker_;
     PeopleObservation seen_, places_;
     bool hasGeometry_ = false, changes_ = false, hasChanged_ = false;

@@ -75,11 +75,11 @@ void PushedArm::drawOptions(double torqueShareChance, double leastShare) {
     misses_ = random_.chance(0.3) ? random_.logUniform(0.001, 0.1) : 0.0;
 }
 
-bool PushedArm::configure(int ticks, const ArmGeometry* geometry, SurroundingsFeed* surroundings, PeopleFeed* people) {
+bool PushedArm::configure(int ticks, const ArmGeometry* geometry) {
     robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
     torque_ = dynamics_.gravity;
     setup_.emplace(RunSetup{description_, description_.limits, kTick_s, ticks * kTick_s, state_, dynamics_.tool,
-                            geometry, surroundings, people});
+                            geometry, surroundingsFeed_.get(), peopleFeed_.get()});
     try {
         filter_.configure(*setup_, options_);
         return true;

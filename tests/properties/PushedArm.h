@@ -10,6 +10,8 @@
 #include "filter/WholeArmBrakingFilter.h"
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
+#include "viable/environment/People.h"
+#include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotModel.h"
@@ -64,8 +66,8 @@ protected:
     /** Anywhere, or at home; sometimes moving. */
     void drawStart(double movingChance, double largestSpeed, double accelerationPerSpeed);
     void drawOptions(double torqueShareChance, double leastShare);
-    /** False: there is no such start. */
-    bool configure(int ticks, const ArmGeometry* geometry, SurroundingsFeed* surroundings, PeopleFeed* people);
+    /** False: there is no such start. Feeds that are there count. */
+    bool configure(int ticks, const ArmGeometry* geometry);
 
     /** Asks the filter for this tick's decision. */
     FilterStatus decide();
@@ -102,8 +104,10 @@ protected:
     Random& random_;
     RobotDescription description_;
     WholeArmBrakingOptions options_;
+    std::unique_ptr<SurroundingsFeed> surroundingsFeed_;
+    std::unique_ptr<PeopleFeed> peopleFeed_;
     std::optional<RunSetup> setup_;
-    WholeArmBrakingFilter filter_;
+    WholeArmBrakingFilter filter_;  // what it was given outlives it
     MotionState state_;
     Dynamics dynamics_;
     FilterDecision decision_;

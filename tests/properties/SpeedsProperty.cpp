@@ -42,7 +42,7 @@ public:
 
     bool begin() {
         checker_.emplace(description_, &robot_.geometry);
-        return configure(kTicksPerArm, hasGeometry_ ? &robot_.geometry : nullptr, nullptr, nullptr);
+        return configure(kTicksPerArm, hasGeometry_ ? &robot_.geometry : nullptr);
     }
 
     /** One tick; what was wrong in it. */
