@@ -108,12 +108,8 @@ std::string readTemplate(const fs::path& file) {
     throw badInput(file.string(), "this template cannot be read", "Install viable again.");
 }
 
-void replaceAll(std::string& text, const std::map<std::string, std::string>& replacements) {
-    for (const auto& [key, value] : replacements) {
-        const std::string mark = "@" + key + "@";
-        for (std::size_t at = text.find(mark); at != std::string::npos; at = text.find(mark, at + value.size()))
-            text.replace(at, mark.size(), value);
-    }
+void fillMarks(std::string& text, const std::map<std::string, std::string>& replacements) {
+    for (const auto& [key, value] : replacements) text = detail::replaceAll(std::move(text), "@" + key + "@", value);
 }
 
 Error failure(const fs::path& path, int error) {
@@ -254,7 +250,7 @@ FolderFiles fillTemplate(const fs::path& folder, const std::map<std::string, std
         const auto className = replacements.find("CLASS");
         if (className != replacements.end() && name.rfind("Plugin", 0) == 0) name.replace(0, 6, className->second);
         std::string text = readTemplate(entry->path());
-        replaceAll(text, replacements);
+        fillMarks(text, replacements);
         files[name] = text;
     }
     if (failed || files.empty())

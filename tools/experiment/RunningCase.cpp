@@ -196,10 +196,9 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
                        plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured_->motorRate,
                        configured_->robustRate});
     const LimitScene scene = makeScene(plan);
-    const LimitSet limits = findLimits(plan);
     for (const LimitKind kind : listArmLimits()) {
         const LimitRow& row = getLimitRow(kind);
-        if (limits.has(kind) && (judgesSlowly || !row.isSlow))
+        if (layout_.limits.has(kind) && (judgesSlowly || !row.isSlow))
             counters_.emplace_back(kind, makeLimit(kind, scene), plan.realPlant.has_value());
     }
     if (!log.file.empty())

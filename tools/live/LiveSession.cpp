@@ -286,17 +286,21 @@ void LiveSession::makeTicks() {
 
 void LiveSession::work() {
     RealTimeState realTime;
-    try {
+    const auto keepFailure = [&](const auto& step) {
+        try {
+            step();
+        } catch (...) {  // such as: there is no memory for a sentence
+            failure_ = std::current_exception();
+        }
+    };
+    keepFailure([&] {
         if (options_.prepareThread) options_.prepareThread();
         realTime = enterRealTime(options_.realTime);
         timing_.isRealTime = realTime.isRealTime();
         for (const RealTimeRefusal& refusal : realTime.refusals()) timing_.refusals.push_back(refusal.sentence());
-        hasEntered_.store(true, std::memory_order_release);
-        makeTicks();
-    } catch (...) {  // such as: there is no memory for a sentence
-        failure_ = std::current_exception();
-    }
+    });
     hasEntered_.store(true, std::memory_order_release);
+    if (!failure_) keepFailure([&] { makeTicks(); });
     running_.loop().releasePlant();  // now: a robot that hears nothing for long takes it for a fault
     const ControlLoop& loop = running_.loop();
     const bool hasBraked = state_ == LiveState::Stopping && loop.stopReason() == StopReason::Requested &&

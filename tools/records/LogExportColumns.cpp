@@ -2,8 +2,9 @@
 
 #include <algorithm>
 
-#include "limits/LimitRows.h"
+#include "core/Text.h"
 #include "log/LogMetadata.h"
+#include "viable/limits/ArmLimit.h"
 
 namespace viable::detail {
 

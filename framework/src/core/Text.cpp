@@ -64,6 +64,16 @@ std::string quoteCsv(std::string_view text) {
     return text.find_first_of(",\"\r\n") == std::string_view::npos ? std::string(text) : quoteDoubled(text);
 }
 
+std::string replaceAll(std::string text, const std::string& what, const std::string& by) {
+    for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size())
+        text.replace(at, what.size(), by);
+    return text;
+}
+
+std::string makeUnitSuffix(const std::string& unit) {
+    return replaceAll(replaceAll(unit, "/", "p"), "^", "");
+}
+
 std::string quoteForShell(const std::string& text) {
     const auto isPlain = [](unsigned char c) {
         return std::isalnum(c) != 0 || std::string_view("_-./+=:,@%").find(static_cast<char>(c)) != std::string::npos;

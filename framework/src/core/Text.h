@@ -42,6 +42,12 @@ std::string formatPlain(double x);
 void addItem(std::string& list, const std::string& item, const char* separator = ", ");
 std::string join(const std::vector<std::string>& items, const char* separator = ", ");
 
+/** `by` in every place of `what` in `text`; what `by` holds is not replaced again. */
+std::string replaceAll(std::string text, const std::string& what, const std::string& by);
+
+/** A unit as names have it: "rad/s^2" is "radps2". */
+std::string makeUnitSuffix(const std::string& unit);
+
 /** Between double quotes, those inside doubled: a name in SQL. */
 std::string quoteDoubled(std::string_view text);
 /** A field of a CSV file, in quotes only where it needs them (RFC 4180). */

@@ -132,16 +132,6 @@ bool detail::reserveLimitNames(const char* what, std::vector<std::string> (*list
     return true;
 }
 
-std::string detail::makeUnitSuffix(const std::string& unit) {
-    std::string suffix;
-    for (const char c : unit)
-        if (c == '/')
-            suffix += 'p';
-        else if (c != '^')
-            suffix += c;
-    return suffix;
-}
-
 void detail::addLimitsOf(const std::string& library, void (*open)()) {
     struct Opening {
         ~Opening() { opening.clear(); }

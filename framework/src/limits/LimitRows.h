@@ -21,9 +21,6 @@ std::set<std::string> findLimitLibraries(LimitKind kind);
 /** What the row leaves open follows from the kind's name and unit. */
 LimitRow complete(LimitRow row, LimitKind kind);
 
-/** "rad/s^2" as names have it: "radps2". */
-std::string makeUnitSuffix(const std::string& unit);
-
 // The kinds that the program brings along, each beside its class.
 LimitRow makeClearanceRow();
 LimitRow makePointSpeedRow();

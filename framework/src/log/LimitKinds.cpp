@@ -82,20 +82,28 @@ bool isToldBy(const json& one, LimitKind kind) {
     return describeKind(kind, detail::complete(readRow(one), kind)) == describeKind(kind, getLimitRow(kind));
 }
 
-/** Of a kind that is known here its numbers would be shown in another unit. */
-void checkUnit(const std::string& name, const std::string& unit) {
+/** None: it is not known here. */
+LimitKind findKind(const std::string& name) {
     for (const LimitKind kind : listArmLimits())
-        if (name == getName(kind, LimitSide::Neither) && unit != getUnit(kind, false))
-            throw badInput("kind of limit '" + name + "'",
-                           "the log has it in '" + unit + "', here it is in '" + getUnit(kind, false) + "'",
-                           "Read the log in a program that has not loaded a library or log with the other unit.");
+        if (name == getName(kind, LimitSide::Neither)) return kind;
+    return LimitKind::None;
 }
 
-void readKind(const std::string& name, const std::string& unit, const json& one) {
-    const bool isOld = one.is_string();
-    for (const LimitKind kind : listArmLimits())  // what was told before adds nothing
-        if (name == getName(kind, LimitSide::Neither) && (isOld || isToldBy(one, kind))) return;
-    addLimit(name, unit, isOld ? LimitRow() : readRow(one));
+void readKind(const std::string& name, const json& one) {
+    const bool isOld = one.is_string();  // its unit alone
+    const json told = isOld ? one : one.is_object() ? one.value("unit", json()) : json();
+    if (!told.is_string()) return;
+    const auto unit = told.get<std::string>();
+    const LimitKind kind = findKind(name);
+    if (kind != LimitKind::None && unit != getUnit(kind, false))  // its numbers would be shown in another unit
+        throw badInput("kind of limit '" + name + "'",
+                       "the log has it in '" + unit + "', here it is in '" + getUnit(kind, false) + "'",
+                       "Read the log in a program that has not loaded a library or log with the other unit.");
+    try {
+        if (kind != LimitKind::None && (isOld || isToldBy(one, kind))) return;  // that adds nothing
+        addLimit(name, unit, isOld ? LimitRow() : readRow(one));
+    } catch (const std::exception&) {  // what it does not tell follows from name and unit
+    }
 }
 
 }  // namespace
@@ -110,15 +118,7 @@ std::string writeLimitKinds() {
 void readLimitKinds(const std::string& text) {
     const json kinds = json::parse(text, nullptr, false);
     if (!kinds.is_object()) return;
-    for (const auto& [name, one] : kinds.items()) {
-        const json& unit = one.is_object() && one.contains("unit") ? one["unit"] : one;
-        if (!unit.is_string()) continue;
-        checkUnit(name, unit);
-        try {
-            readKind(name, unit, one);
-        } catch (const std::exception&) {  // what it does not tell follows from name and unit
-        }
-    }
+    for (const auto& [name, one] : kinds.items()) readKind(name, one);
 }
 
 }  // namespace viable

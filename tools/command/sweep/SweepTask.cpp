@@ -21,13 +21,9 @@ constexpr std::int64_t kTriedRuns = 10;
 
 /** Without the places of plugin libraries, which differ from machine to machine: the plugins are named. */
 std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {
-    const auto replaceAll = [&](const std::string& what, const std::string& by) {
-        for (std::size_t at = 0; (at = message.find(what, at)) != std::string::npos; at += by.size())
-            message.replace(at, what.size(), by);
-    };
     for (const std::filesystem::path& library : libraries) {
-        replaceAll(" (" + library.string() + ")", "");
-        replaceAll(library.string(), library.filename().string());
+        message = detail::replaceAll(std::move(message), " (" + library.string() + ")", "");
+        message = detail::replaceAll(std::move(message), library.string(), library.filename().string());
     }
     return message;
 }

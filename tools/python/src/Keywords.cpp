@@ -5,18 +5,14 @@
 
 #include "config/ConfigText.h"
 #include "core/ErrorList.h"
+#include "core/Text.h"
 #include "host/PluginDescription.h"
 
 namespace viable::python {
 
 namespace {
 
-/** `text` with `to` in every place of `from`. */
-std::string replace(std::string text, const std::string& from, const std::string& to) {
-    for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
-        text.replace(at, from.size(), to);
-    return text;
-}
+using detail::replaceAll;
 
 bool isText(const ParameterSpec& spec) {
     return spec.type == ParameterType::Choice || spec.type == ParameterType::Text || spec.type == ParameterType::File;
@@ -31,7 +27,7 @@ std::string formatDefault(const ParameterSpec& spec) {
     if (isOptional(spec)) return "None";
     if (isText(spec)) return "\"" + std::string(spec.defaultText) + "\"";
     if (spec.type == ParameterType::Flag) return *spec.defaultText == 't' ? "True" : "False";
-    return replace(spec.defaultText, ".inf", "inf");
+    return replaceAll(spec.defaultText, ".inf", "inf");
 }
 
 std::string getType(const ParameterSpec& spec) {
@@ -78,7 +74,7 @@ const Keywords::Object* Keywords::findObject(const std::string& name) const {
 
 /** velocity_filter_s [s]: velocity_filter; ..._radps2 [rad/s^2] likewise. */
 const char* Keywords::dropUnit(const std::string& name, std::string unit) {
-    unit = "_" + replace(replace(std::move(unit), "/", "p"), "^", "");
+    unit = "_" + detail::makeUnitSuffix(unit);
     const std::size_t rest = name.size() - std::min(name.size(), unit.size());
     const bool hasUnit = unit.size() > 1 && name.substr(rest) == unit;
     return names_.emplace_back(hasUnit ? name.substr(0, rest) : name).c_str();
@@ -109,15 +105,15 @@ std::string Keywords::document(const std::string& text) const {
     std::vector<std::string> texts;
     for (const ParameterSpec& spec : specs) texts.push_back(formatDefault(spec));
     for (std::size_t i = 0; i < specs.size(); ++i) specs[i].defaultText = texts[i].c_str();
-    const std::string table = replace(describeParameters(specs.data(), specs.size()), ".inf", "inf");
-    return replace(text, "KEYWORDS", replace(table, "true or false", "True or False"));
+    const std::string table = replaceAll(describeParameters(specs.data(), specs.size()), ".inf", "inf");
+    return replaceAll(text, "KEYWORDS", replaceAll(table, "true or false", "True or False"));
 }
 
 std::string Keywords::formatSignature(const std::string& before) const {
     std::string text = "__init__(self, " + before + (before.empty() ? "*" : ", *");
     for (const ParameterSpec& spec : list_.specs()) {
         const std::string name = spec.name;
-        text += ", " + name + ": " + (findObject(name) ? replace(spec.choices, "|", " | ") : getType(spec)) +
+        text += ", " + name + ": " + (findObject(name) ? replaceAll(spec.choices, "|", " | ") : getType(spec)) +
                 (spec.defaultText ? " = " + formatDefault(spec) : "");
     }
     return text + ") -> None";

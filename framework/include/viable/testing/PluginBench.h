@@ -11,11 +11,14 @@ extern "C" const viable::PluginLibrary* viable_plugin_library();
 
 namespace viable::testing {
 
-/** The entry of the plugin that is linked into the test, opened as the host opens it. */
+/** The entry of the plugin that is linked into the test, opened as the host opens it: once. */
 inline const PluginEntry& openOwnPlugin() {
-    const PluginLibrary& library = *viable_plugin_library();
-    library.open();
-    return library.entries[0];
+    static const PluginEntry& entry = []() -> const PluginEntry& {
+        const PluginLibrary& library = *viable_plugin_library();
+        library.open();
+        return library.entries[0];
+    }();
+    return entry;
 }
 
 /** Configures the plugin that is linked into a test, and supplies the inputs of one tick. The arm is the two-link
