@@ -194,7 +194,7 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
         configured_->setup, std::move(configured_->plugins),
         RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,
                        plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured_->motorRate,
-                       configured_->robustRate});
+                       configured_->robustRate, !plan.robustLoop || !plan.robustLoop->acceptsUnstable});
     const LimitScene scene = makeScene(plan);
     for (const LimitKind kind : listArmLimits()) {
         const LimitRow& row = getLimitRow(kind);

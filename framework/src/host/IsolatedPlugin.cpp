@@ -455,6 +455,7 @@ public:
         box().real = real;
         box().nominal = nominal;
         box().torque = filterTorque;
+        box().torqueOut = torque;
         call(Request::Compute);
         if (!isSound(box().torqueOut)) return TickStatus::Faulted;
         torque = box().torqueOut;

@@ -51,6 +51,10 @@ constexpr char kOnDrift[] =
     "that are missing in actuation.yaml make them small. To run it all the same: `accept_unstable: true` in the block "
     "robust_loop.";
 
+constexpr char kOnWithheld[] =
+    "Something holds the arm, pushes it or loads it more than the robust loop may make up for (`viable gains` tells how "
+    "much): a quarter of the motor, or what a `disturbance_set` with that payload or push asks for.";
+
 constexpr char kOnLeftLimits[] =
     "The bound holds while the nominal arm keeps the limits: use a filter that guarantees them, such as "
     "certified_braking.";
@@ -78,6 +82,11 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealA
       loop_(setup.tick_s, plugins_.watches),
       nominalArm_(setup, plugins_, loop_, options.fixesLimits) {
     VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
+    if (plugins_.robustLoop && options_.limitsAuthority) {
+        const std::optional<LinearErrorLoop> law = plugins_.robustLoop->traits().errorLoop;
+        authority_ =
+            detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
+    }
     reset();
 }
 
@@ -106,10 +115,11 @@ void ControlLoop::reset() {
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
+    authority_.reset();
     following_.begin(setup_);
-    sensors_.begin(
-        {SensorCheck::Reference::LastReading, calcLargestChange(setup_, setup_.limits, options_.bound), any, any},
-        start.q);
+    sensors_.begin({SensorCheck::Reference::LastReading,
+                    calcLargestChange(setup_, setup_.limits, options_.bound, authority_), any, any},
+                   start.q);
     for (JointVector* v : {&robustTorque_, &motorTorque_, &appliedTorque_, &releasedTorque_}) v->setZero(n_);
     ticksToMiss_ = 0;
     ticksSinceReading_ = 1;
@@ -147,6 +157,7 @@ void ControlLoop::readPlant() {
     if (options_.feedsExternalTorque) readExternalTorque();
     const std::int64_t elapsedTicks = ticksSinceReading_;
     checkReading();  // a jump says more than that the error is large
+    checkAnswers();
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -195,6 +206,32 @@ bool ControlLoop::replaceStillReading(int joint) {
     return true;
 }
 
+/** Brakes an arm with a joint that does not answer its motor: a wrong encoder, or something that is stronger. Its readings
+are not taken as plausible any more, and what it was pushed with in vain is taken back. */
+void ControlLoop::checkAnswers() {
+    if (hasFailed()) return;
+    for (int i = 0; i < n_; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (!isPlausible_[at] || !authority_.limits(i)) continue;
+        const bool isStill = authority_.isPressed(i) &&
+                             sensors_.findStillTravel(i) > kJumpCounts * setup_.robot.encoderStep(i);
+        if (!isStill && !authority_.isDeaf(i)) continue;
+        isPlausible_[at] = false;
+        sensors_.disown(i, isStill ? sensors_.changedDeviation(i) : authority_.goodDeviation(i));
+        sensors_.standIn(i, nominal(), plausible_);
+        authority_.takeBack(i);
+        char message[LoopStatus::kMessageSize];
+        std::snprintf(message, sizeof message,
+                      "%.60s does not answer its motor: pushed with %.3g %s beyond friction, its reading %s",
+                      getJointName(setup_.robot, i), std::abs(authority_.pushed(i)),
+                      setup_.robot.slides(i) ? "N" : "Nm",
+                      isStill ? "stands still; its encoder is stuck, or the joint is held"
+                              : "does not follow; its encoder is wrong, or something stronger holds or pushes the arm");
+        loop_.beginStop(StopReason::NotFollowing, message, kOnStillness);
+        holdIntegral();
+    }
+}
+
 /** Brakes an arm that does not follow, and keeps the robust loop from pressing it harder and harder. */
 void ControlLoop::checkTracking() {
     if (!options_.bound || hasFailed()) return;
@@ -241,7 +278,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         return;
     }
     const detail::FollowingWatch::Violation found =
-        following_.update(plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_}, elapsedTicks);
+        following_.update(plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_, authority_}, elapsedTicks);
     if (found.cause == Cause::None) return;
     drifts_ = found.cause == Cause::Drift;
     isTrackingLost_ = true;
@@ -251,9 +288,10 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     if (found.cause == Cause::Oscillation && found.motor >= 0) {
         std::snprintf(
             message, sizeof message,
-            "the real arm oscillates: the robust loop drives the motor of %.60s into its torque limit and back, "
+            "the real arm oscillates: the robust loop drives the motor of %.60s %s and back, "
             "and its torque changes sign every %.3g ms or faster",
-            getJointName(setup_.robot, found.motor), 1e3 * following_.halfPeriod());
+            getJointName(setup_.robot, found.motor),
+            found.isWithheld ? "to the most that it may add" : "into its torque limit", 1e3 * following_.halfPeriod());
         endRobustLoop(true);
     } else if (found.cause == Cause::Oscillation) {
         std::snprintf(message, sizeof message,
@@ -262,7 +300,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
                       joint, found.error, unit, 1e3 * following_.halfPeriod());
         endRobustLoop(true);
     } else {
-        char motor[160];
+        char motor[180];
         std::snprintf(motor, sizeof motor, "%s",
                       setup_.robot.actuation.torqueLimit.array().isInf().any()
                           ? "no torque limit is known of some motors"
@@ -273,7 +311,9 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         if (found.motor >= 0)
             std::snprintf(
                 motor, sizeof motor, "the motor of %.60s %s", getJointName(setup_.robot, found.motor),
-                found.cause == Cause::Saturation ? "is at its torque limit" : "gives less torque than is asked of it");
+                found.cause == Cause::Saturation ? "is at its torque limit"
+                : found.cause == Cause::Withheld ? "gets the most that the robust loop may add"
+                                                 : "gives less torque than is asked of it");
         std::snprintf(message, sizeof message,
                       "the real arm does not follow: %.60s is %.4g %s from its nominal place (at most %.4g %s), and %s",
                       joint, found.error, unit, found.allowed, unit, motor);
@@ -282,6 +322,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
                     found.cause == Cause::Oscillation  ? kOnOscillation
                     : found.cause == Cause::Saturation ? kOnSaturation
                     : found.cause == Cause::Weakness   ? kOnWeakness
+                    : found.cause == Cause::Withheld   ? kOnWithheld
                                                        : kOnDrift);
     holdIntegral();
     if (drifts_) releaseToRobot();
@@ -355,17 +396,23 @@ void ControlLoop::endRobustLoop(bool isAsked) {
 
 /** False: it failed, and robustTorque_ is of no use. */
 bool ControlLoop::askRobustLoop() {
+    authority_.update(nominal(), plausible_);
+    const JointVector lastRobust = robustTorque_;
     const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
-    if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) return true;
+    if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
+        if (authority_.cut(robustTorque_)) limitRates(lastRobust, lastMotorTorque_);
+        return true;
+    }
     loop_.beginStop(StopReason::RobustLoopFailed,
                     "it gave no usable torque (wrong size, not finite, beyond 1e9 or not Ok)", kOnValues);
     return false;
 }
 
 void ControlLoop::calcMotorTorque() {
-    const JointVector lastRobust = robustTorque_, lastMotor = motorTorque_;
+    const JointVector lastRobust = robustTorque_;
+    lastMotorTorque_ = motorTorque_;
     motorTorque_ = nominalArm_.motion().torque;  // the motors' share of what moves the nominal arm
     if (externalTorque_.size() > 0) motorTorque_ -= externalTorque_;
     if (isLoopAsked_ && !askRobustLoop()) {
@@ -382,11 +429,11 @@ void ControlLoop::calcMotorTorque() {
         robustTorque_.setZero(n_);
         isLoopAsked_ = false;
     }
-    limitRelease(lastRobust, lastMotor);
+    limitRates(lastRobust, lastMotorTorque_);
 }
 
-/** Makes what is left of the robust loop's torque change no faster than the stated rates. */
-void ControlLoop::limitRelease(const JointVector& lastRobust, const JointVector& lastMotor) {
+/** Makes the robust loop's torque change no faster than the stated rates. */
+void ControlLoop::limitRates(const JointVector& lastRobust, const JointVector& lastMotor) {
     for (int i = 0; i < n_; ++i) {
         double& robust = robustTorque_[i];
         if (options_.robustRate.size() == n_) {
@@ -398,6 +445,13 @@ void ControlLoop::limitRelease(const JointVector& lastRobust, const JointVector&
         const double total = std::clamp(motorTorque_[i] + robust, lastMotor[i] - step, lastMotor[i] + step);
         if (total != motorTorque_[i] + robust) robust = total - motorTorque_[i];
     }
+}
+
+/** Tells the authority what comes of its cut. */
+void ControlLoop::takeRobustTorque() {
+    std::array<bool, kMaxJoints> isStill{};
+    for (int i = 0; i < n_; ++i) isStill[static_cast<std::size_t>(i)] = sensors_.isStill(i);
+    authority_.take(robustTorque_, isStill);
 }
 
 void ControlLoop::drivePlant() {
@@ -426,6 +480,7 @@ void ControlLoop::finishTick(TickRecord& record, StageTimer& timer, bool drives)
     fillRecord(record, drives);
     if (plugins_.realPlant && !hasFailed() && drives) {
         calcMotorTorque();
+        takeRobustTorque();
         timer.mark(Stage::Robust);
         drivePlant();
         timer.mark(Stage::Plant);
@@ -467,7 +522,8 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     missedInRow_ = 0;
     nominalArm_.decide(externalTorque_, timer);
     if (nominalArm_.hasNewLimits()) {
-        sensors_.widen(calcLargestChange(setup_, nominalArm_.limits(), options_.bound));
+        sensors_.widen(calcLargestChange(setup_, nominalArm_.limits(), options_.bound, authority_));
+        authority_.widen(nominalArm_.limits());
         following_.widen(nominalArm_.limits());
     }
     finishTick(record, timer, true);

@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "loop/Authority.h"
 #include "loop/FollowingWatch.h"
 #include "loop/LoopPlugins.h"
 #include "loop/LoopStatus.h"
@@ -42,6 +43,8 @@ struct RealArmOptions {
     JointVector motorRate{};
     /** Likewise of the robust loop's torque (LinearErrorLoop::torqueRate). */
     JointVector robustRate{};
+    /** What the robust loop adds has an end (see detail::Authority). */
+    bool limitsAuthority = true;
 };
 
 /** The tick: command, dynamics, controller, filter, monitor, nominal plant, robust loop, real plant.
@@ -120,6 +123,7 @@ private:
     void readExternalTorque();
     void checkReading();
     bool replaceStillReading(int joint);
+    void checkAnswers();
     void checkTracking();
     void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
@@ -128,7 +132,8 @@ private:
     void calcMotorTorque();
     bool askRobustLoop();
     void endRobustLoop(bool isAsked);
-    void limitRelease(const JointVector& lastRobust, const JointVector& lastMotor);
+    void limitRates(const JointVector& lastRobust, const JointVector& lastMotor);
+    void takeRobustTorque();
     void drivePlant();
     void passTick(TickRecord& record, bool hasPlant) noexcept;
     void fillRecord(TickRecord& record, bool hasReading) const;
@@ -166,7 +171,9 @@ private:
     bool drifts_ = false;         // away though its motors had torque to spare
 
     // What the motors are told.
+    detail::Authority authority_;
     JointVector robustTorque_, motorTorque_, appliedTorque_;
+    JointVector lastMotorTorque_;   // of the tick before
     bool hasDriven_ = false;        // since reset(): motorTorque_ is what the motors were told last
     bool robustLoopEnded_ = false;  // it failed, or swings: its torque goes to zero
     bool isLoopAsked_ = true;       // meanwhile

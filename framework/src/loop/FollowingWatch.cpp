@@ -27,7 +27,7 @@ void FollowingWatch::begin(const RunSetup& setup) {
     delayTicks_ = setup.delayTicks;
     torqueLimit_ = setup.robot.actuation.torqueLimit;
     for (JointVector* v : {&allowedError_, &leastError_, &largestError_, &fastest_, &leastSwing_, &leastTravel_,
-                           &saturation_, &weakness_})
+                           &saturation_, &weakness_, &withheld_})
         v->setZero(n_);
     swings_ = {};
     pushes_ = {};
@@ -92,7 +92,7 @@ bool FollowingWatch::swings(int joint, double velocityError, double elapsed_s, b
 
 /** True once the robust loop has pushed the motor to and fro for long enough. Where the nominal arm's own torque is not
 zero only the nearer limit is met; what that torque leaves of the limit is the way to both sides. */
-bool FollowingWatch::pushesToAndFro(int joint, double asked, double robust) {
+bool FollowingWatch::pushesToAndFro(int joint, double asked, double robust, bool isCut) {
     Push& push = pushes_[static_cast<std::size_t>(joint)];
     const double limit = torqueLimit_[joint], nominal = std::abs(asked - robust);
     const int sign = robust > 0.0 ? 1 : robust < 0.0 ? -1 : push.sign;
@@ -105,6 +105,7 @@ bool FollowingWatch::pushesToAndFro(int joint, double asked, double robust) {
         push.isLarge = false;
     }
     // Beyond its limit the nominal torque is cut by the robust loop's.
+    push.isLarge |= isCut;
     push.isLarge |= nominal < limit && std::abs(robust) >= std::max(kPush * (limit - nominal), kLeastPush * limit);
     const std::int64_t ticks = tick_ - push.begun;
     return ticks >= kPushTicks && static_cast<double>(ticks) * tick_s_ >= kHalfPeriods * halfPeriod();
@@ -124,14 +125,16 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
         const bool isWeak =
             delayTicks_ == 0 && std::abs(torques.given[i]) < kWeak * used && !(used <= kSomething * torqueLimit_[i]);
         const bool isAtLimit = !isWeak && used >= kAtLimit * torqueLimit_[i];
+        const bool isCut = torques.authority.isCut(i);
         saturation_[i] += share * ((isAtLimit ? 1.0 : 0.0) - saturation_[i]);
         weakness_[i] += share * ((isWeak ? 1.0 : 0.0) - weakness_[i]);
-        const bool swinging = swings(i, real.qd[i] - nominal.qd[i], elapsed_s, isAtLimit || isWeak);
-        const bool pushing =
-            pushesToAndFro(i, torques.asked[i], torques.robust[i]) && saturation_[i] + weakness_[i] >= kPushedShare;
+        withheld_[i] += share * ((isCut && !isAtLimit && !isWeak ? 1.0 : 0.0) - withheld_[i]);
+        const bool swinging = swings(i, real.qd[i] - nominal.qd[i], elapsed_s, isAtLimit || isWeak || isCut);
+        const bool pushing = pushesToAndFro(i, torques.asked[i], torques.robust[i], isCut) &&
+                             saturation_[i] + weakness_[i] + withheld_[i] >= kPushedShare;
         if ((swinging || pushing) && violation.cause == Cause::None)
             violation = {Cause::Oscillation, i, swinging ? -1 : i, swings_[static_cast<std::size_t>(i)].last,
-                         fastest_[i]};
+                         fastest_[i], withheld_[i] > saturation_[i]};
     }
     if (violation.cause != Cause::None) return violation;
     double worst = 1.0;
@@ -151,6 +154,7 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
         violation.cause = cause;
         violation.motor = static_cast<int>(motor);
     };
+    blame(withheld_, Cause::Withheld);
     blame(saturation_, Cause::Saturation);
     blame(weakness_, Cause::Weakness);
     return violation;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 
+#include "loop/Authority.h"
 #include "viable/plugin/Plugin.h"
 
 namespace viable::detail {
@@ -14,7 +15,7 @@ why. It does not follow where
 - a joint oscillates: its velocity error changes its sign kHalfPeriods times within halfPeriod() each, every time
   beyond twice its velocity limit, or beyond a fifth of it with its motor at the torque limit, and over kLeastTravelRad
   or kLeastTravelM. Noise of an encoder changes its sign as fast; it counts only where it is as large as that;
-- the robust loop drives a motor into its torque limit and back, however little the arm moves: over kPushTicks, and
+- the robust loop drives a motor into its torque limit, or to the end of its authority, and back, however little the arm moves: over kPushTicks, and
   kHalfPeriods times halfPeriod(), its torque changes its sign within halfPeriod(), each time with kPush of what the
   nominal arm leaves of the motor's limit and kLeastPush of that limit, and the motor was at its limit in kPushedShare of
   the recent ticks. Noise of an encoder does so by chance for a few ticks, unless it is far beyond the motor's limit.
@@ -48,18 +49,21 @@ public:
         Oscillation,  ///< of `joint`; `motor`, if any, is driven into its torque limit and back
         Saturation,   ///< `joint` is away, and the motor of `motor` was at its limit
         Weakness,     ///< `joint` is away, and the motor of `motor` gave less than was asked for, below its limit
+        Withheld,     ///< `joint` is away, and the robust loop would have had to push the motor of `motor` harder
         Drift,        ///< `joint` is away, though the motors had torque to spare
     };
     struct Violation {
         Cause cause = Cause::None;
         int joint = -1, motor = -1;
         double error = 0.0, allowed = 0.0;  ///< of the position [rad]; of an oscillation: of the velocity [rad/s]
+        bool isWithheld = false;            ///< of an oscillation: the end of the loop's authority, not the motor's limit
     };
     /** The motors' torques in the tick before [Nm]. */
     struct Torques {
         const JointVector& asked;
         const JointVector& robust;  ///< the robust loop's share of `asked`
         const JointVector& given;
+        const Authority& authority;  ///< a joint that it cuts is as one whose motor is at its limit
     };
 
     /** A start at which the real arm is the nominal one. */
@@ -93,14 +97,14 @@ private:
     };
     bool isLate(std::int64_t since) const;
     bool swings(int joint, double velocityError, double elapsed_s, bool isAtLimit);
-    bool pushesToAndFro(int joint, double asked, double robust);
+    bool pushesToAndFro(int joint, double asked, double robust, bool isCut);
 
     int n_ = 0, delayTicks_ = 0;
     double tick_s_ = 0.0;
     std::int64_t tick_ = 0;
     JointVector allowedError_, fastest_, leastSwing_, leastTravel_, torqueLimit_;
     JointVector leastError_, largestError_;  // bounds of allowedError_
-    JointVector saturation_, weakness_;      // share of the recent ticks, smoothed
+    JointVector saturation_, weakness_, withheld_;  // share of the recent ticks, smoothed
     std::array<Swing, kMaxJoints> swings_{};
     std::array<Push, kMaxJoints> pushes_{};
 };

@@ -175,10 +175,11 @@ GuardStop toGuardStop(StopReason reason) {
             return GuardStop::GuaranteeBroken;
         case StopReason::TicksMissed:
             return GuardStop::TicksMissed;
+        case StopReason::NotFollowing:
+            return GuardStop::TooFar;
         case StopReason::CommandFailed:  // commands of guards do not fail
         case StopReason::PlantFailed:
         case StopReason::TrackingLost:  // there is no bound
-        case StopReason::NotFollowing:  // guards judge the arm themselves
         case StopReason::SensorFailed:  // guards judge readings themselves
             break;
     }

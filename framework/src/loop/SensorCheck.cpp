@@ -5,7 +5,8 @@
 
 namespace viable {
 
-JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound) {
+JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound,
+                              const detail::Authority& authority) {
     JointVector largest(setup.size());
     for (int i = 0; i < setup.size(); ++i) {
         const double speed =
@@ -13,6 +14,7 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
         const bool slides = setup.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
         const double explained =
             bound    ? (speed + bound->velocity[i]) * setup.tick_s + 2.0 * (bound->measured[i] - bound->position[i])
+            : authority.limits(i) ? 0.0
             : slides ? kLeastJump_m
                      : kLeastJumpTurns * 2.0 * kPi;
         largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + kJumpCounts * setup.robot.encoderStep(i), explained);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 
+#include "loop/Authority.h"
 #include "tracking/TrackingBound.h"
 #include "viable/plugin/Plugin.h"
 
@@ -10,9 +11,10 @@ namespace viable {
 
 /** A measured position that changes in a tick by more than so many times what the joint's velocity limit allows, and
 by so many encoder counts on top, is no motion. With a tracking bound what its disturbance set allows is no jump either:
-(velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one
-nothing is known of the real arm, which may be falling or swinging up: a change up to kLeastJumpTurns or kLeastJump_m is
-taken as it is. That is thousands of rad/s at 1 kHz, and below a wrap by a turn. */
+(velocity limit + bound.velocity) tick, and the error of both readings, 2 (bound.measured - bound.position). Without one,
+and without an Authority that keeps the arm from running away, nothing is known of the real arm. It may be falling or
+swinging up: a change up to kLeastJumpTurns or kLeastJump_m is taken as it is. That is thousands of rad/s at 1 kHz, and
+below a wrap by a turn. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
 inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 
@@ -20,8 +22,10 @@ inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 inline constexpr std::int64_t kStillTicks = 5;
 
 /** The largest change of each joint's position in a tick under these limits [rad, prismatic: m]; see kJumpSpeeds.
-@param bound  null: none */
-JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound);
+@param bound  null: none
+@param authority  of the robust loop */
+JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound,
+                              const detail::Authority& authority);
 
 /** Tells readings of the joints that a motion explains from those that none does, and says what stands in for the
 latter: the nominal arm plus the last good deviation, since nothing is known of a change.
@@ -68,6 +72,12 @@ public:
     /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
     before, in so many ticks. */
     void disownStill(int joint, int ticks);
+    /** They were wrong since the deviation was that: it stands in for them. */
+    void disown(int joint, double deviation) { goal_[joint] = deviation_[joint] = deviation; }
+    /** Whether the last reading of a joint was that before it, to the last bit. */
+    bool isStill(int joint) const { return still_[static_cast<std::size_t>(joint)] > 0; }
+    /** The deviation when the reading of a joint changed last [rad, m]. */
+    double changedDeviation(int joint) const { return changedDeviation_[joint]; }
 
     /** The last good reading less the nominal arm then [rad, m]. */
     const JointVector& deviation() const { return deviation_; }

@@ -152,6 +152,7 @@ void Nric::reset(const MotionState& start) {
     integral_.setZero(n_);
     lastTorque_.setZero(n_);
     lastMotorTorque_.setZero(n_);
+    withheld_.fill(0);
     isIntegralHeld_ = false;
     if (!limitsMotorRate_) return;
     arm_->calcTorque(start.q, lastTorque_, lastTorque_, lastMotorTorque_);
@@ -164,9 +165,20 @@ void Nric::setGain(const JointVector& q) {
     gain_ = detail::calcLoopGain(loop_, gain_);
 }
 
+/** What the host added in the tick before: rates count from there. */
+void Nric::takeGiven(const JointVector& given) {
+    withheld_.fill(0);
+    if (!isFinite(given, n_) || given == lastTorque_) return;
+    for (int i = 0; i < n_; ++i)
+        withheld_[static_cast<std::size_t>(i)] = lastTorque_[i] > given[i] ? 1 : lastTorque_[i] < given[i] ? -1 : 0;
+    lastMotorTorque_ += given - lastTorque_;
+    lastTorque_ = given;
+}
+
 TickStatus Nric::compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                          JointVector& torque) {
     if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_)) return TickStatus::InvalidInput;
+    takeGiven(torque);
     if (followsInertia_) setGain(nominal.q);
     const JointVector e = real.q - nominal.q, de = real.qd - nominal.qd;
     const JointVector friction = feedsFriction_ ? loop_.friction.calc(nominal.qd) : JointVector(JointVector::Zero(n_));
@@ -197,11 +209,12 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal, con
     const JointVector growth = grown - bounded;
     for (int i = 0; i < n_; ++i) {
         const double possible = cut(i, wanted[i]);
-        if (possible == wanted[i]) continue;
+        const int side = wanted[i] > possible ? 1 : wanted[i] < possible ? -1 : withheld_[static_cast<std::size_t>(i)];
+        if (side == 0) continue;
         // What grows pushes this joint's torque into what cuts it, or away from it.
         for (int j = 0; j < n_; ++j) {
             const double push = -gain_(i, j) * loop_.ki[j] * growth[j];
-            if (!(wanted[i] > possible ? push > 0.0 : push < 0.0)) continue;
+            if (!(side * push > 0.0)) continue;
             grown[j] = bounded[j];
             isHeld = true;
         }

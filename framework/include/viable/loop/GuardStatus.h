@@ -26,7 +26,7 @@ enum class GuardStop : unsigned char {
     Requested,         ///< requestStop()
     LawFailed,         ///< TorqueGuard: the torque law threw, or gave no usable torque for more than 10 ticks in a row
     NoReadings,        ///< TorqueGuard: more than 10 unusable ones in a row; engage the brakes at once (see above)
-    TooFar,            ///< TorqueGuard: a joint was beyond `largestDeviation`
+    TooFar,            ///< TorqueGuard: a joint was beyond `largestDeviation`, or did not answer its motor
     TicksMissed,       ///< more than 1000 in a row
     FilterFailed,      ///< the limits could not be kept: absurd limits, or an error of this library
     RobustLoopFailed,  ///< TorqueGuard: its torque would be beyond 1e9 Nm: absurd gains or readings

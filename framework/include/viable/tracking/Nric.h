@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -94,8 +95,8 @@ the error of the figures (MATH 10).
 Bounds: the integral's share of a joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, and at the motor's
 torque limit at the latest. Per tick tau_a changes by at most torqueRate x tick, from zero at the start. The sum tau_c +
 tau_a is kept inside the motor's torque limit, and changes by motorRate x tick per tick at most. While these cut the
-torque, the integral does not grow further against them (it may shrink). If nothing is cut, tau_a is that of eq. 7 to
-the last bit.
+torque, or the host gave less than it was asked for, the integral does not grow further against that (it may shrink). If
+nothing is cut, tau_a is that of eq. 7 to the last bit.
 Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is unstable. A
 torqueRate below K_r T / (2 x inertia) slows the loop down. A joint that was held while the loop pressed with T [Nm]
 then overshoots. Far below that rate it becomes unstable. The same holds for motorRate, of which tau_c takes its part.
@@ -120,6 +121,7 @@ public:
 
 private:
     void setGain(const JointVector& q);
+    void takeGiven(const JointVector& given);
 
     int n_ = 0;
     std::shared_ptr<const ArmRecursion> arm_;  // null if it is not needed
@@ -133,6 +135,7 @@ private:
     JointVector largestMotorStep_, lastMotorTorque_;  // for the sum tau_c + tau_a [Nm]
     JointVector integral_;                            // integral of e [rad s]
     JointVector lastTorque_;                          // tau_a of the tick before [Nm]
+    std::array<signed char, kMaxJoints> withheld_{};  // side to which the host gave less than that
     bool isIntegralHeld_ = false;
 };
 

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+
+#include "tracking/TrackingBound.h"
+#include "viable/plugin/Plugin.h"
+#include "viable/plugin/RobustLoop.h"
+
+namespace viable::detail {
+
+/** How much a robust loop may add to the torques that move the nominal arm; one entry per joint. */
+struct AuthoritySizes {
+    JointVector reach;       ///< besides friction and what lasts [Nm]; infinite: any
+    JointVector lasting;     ///< most that it may need all the time, as for a payload [Nm]
+    JointFriction friction;  ///< that it may make up for at the real velocity; zero where `reach` has it
+    JointVector kp;          ///< of its law [1/s]; zero: not known
+};
+
+/** The sizes for an arm and its loop.
+
+With a tracking bound the loop may add what the bound's disturbances can make it ask for, k_r (v + 2 r / tick + k_p m) and
+its integral and friction: nothing is cut inside the set. Without one it may make up for kFrictionFactor times the
+robot's friction figures. Beside them it has kMotorShare of the motor's torque less the Coulomb part, and at least half of
+that share. Rounding of the readings to counts comes on top: it is no push.
+@param loop   null: the law of the loop is not known
+@param bound  null: none */
+AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop, const TrackingBound* bound);
+
+inline constexpr double kFrictionFactor = 2.0, kMotorShare = 0.25;
+
+/** Keeps what a robust loop adds to the motors within d - f - reach and d + f + reach of every joint. So a joint that is
+held, or whose encoder says nonsense, gets no more than that, however far the loop takes it to be from its nominal place.
+
+f is friction at the real joint's velocity (both ways Coulomb friction), smoothed over kVelocity_s. d is what the loop gave
+beyond it in the last kLasting_s; it stands still while the joint's torque is cut. What is not cut is not changed in a bit.
+
+A joint that was cut is let go without a throw: until it is near again the loop sees it no farther away than its law
+answers with a velocity kFastReturn times the limit.
+
+It also tells a joint that does not answer: the loop pushes it with all it may, and its velocity error does not shrink. An
+encoder is wrong then, or something is stronger. What was pushed meanwhile is taken back (takeBack()).
+Real time: no allocation, lock or throw after begin(). */
+class Authority {
+public:
+    static constexpr double kVelocity_s = 0.01, kLasting_s = 0.5, kFastReturn = 1.02;
+    /** Of the velocity limit: a velocity error that grows by so much against the push is no answer. */
+    static constexpr double kWorse = 0.1;
+    /** So many ticks, and a delay, are given for it. With no growth at all, so many times that. */
+    static constexpr int kAnswerTicks = 5, kSlowAnswer = 4;
+    /** A joint that is pressed with more than this share of its reach, and stands exactly still, does not answer. */
+    static constexpr double kPressing = 0.5;
+    /** What was pushed in vain is taken back in this time [s]. */
+    static constexpr double kTakeBack_s = 0.025;
+
+    /** Without limits. */
+    Authority() = default;
+    Authority(const RunSetup& setup, AuthoritySizes sizes);
+
+    /** From a start at which the real arm is the nominal one. */
+    void reset();
+    /** What may be added to the joint's motor has an end. */
+    bool limits(int joint) const { return joint < n_ && std::isfinite(sizes_.reach[joint]); }
+    /** Velocity limits that are wider from now on count. */
+    void widen(const JointLimits& limits);
+
+    /** Takes what is known of the real arm now; before the loop is asked. A joint that is to be seen nearer is written so. */
+    void update(const MotionState& nominal, JointState& real);
+    /** True where it changed something. */
+    bool cut(JointVector& torque);
+    /** What the motors really get of it, after all rates. @param isStill  the joint's reading is that of the tick before */
+    void take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill);
+
+    bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
+    /** The joint is pushed by more than friction and d explain, so that it should move. */
+    bool isPressed(int joint) const { return isPressed_[index(joint)]; }
+    /** Its velocity error does not shrink, though it is pushed with all there is. */
+    bool isDeaf(int joint) const { return isDeaf_[index(joint)]; }
+    /** What the loop added beyond friction and d when it was cut last, or pressed [Nm]. */
+    double pushed(int joint) const { return pushed_[joint]; }
+    /** Deviation from the nominal joint before it was cut [rad, m]. */
+    double goodDeviation(int joint) const { return goodDeviation_[joint]; }
+    /** From the next tick on what the joint was pushed with in vain is taken back: first its torque, then its momentum. */
+    void takeBack(int joint);
+
+    const AuthoritySizes& sizes() const { return sizes_; }
+    /** Most that may be added to a joint that stands still while nothing lasts [Nm]. */
+    double calcRest(int joint) const;
+
+private:
+    static std::size_t index(int joint) { return static_cast<std::size_t>(joint); }
+    double calcFriction(int joint, double speed) const;
+    void listen(int joint, double velocityError);
+
+    int n_ = 0, answerTicks_ = 0;
+    double tick_s_ = 0.0;
+    AuthoritySizes sizes_;
+    JointBounds fastest_;
+    JointVector least_;  // change of a velocity error that is one [rad/s, m/s]
+    JointVector velocity_, lasting_, lowest_, highest_;
+    JointVector frictionLowest_, frictionHighest_;
+    JointVector pushed_, deviation_, goodDeviation_;
+    JointVector firstError_;  // of the velocity, in the first tick that was cut
+    std::array<int, kMaxJoints> cutTicks_{}, cutSide_{};
+    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isDeaf_{};
+
+    // What is taken back of a joint.
+    JointVector base_, impulse_, last_;  // torque before [Nm], pushed since then [Nm ticks], in the tick before [Nm]
+    JointVector excess_, owed_;          // torque and impulse at the beginning
+    std::array<int, kMaxJoints> backTick_{};  // 0: nothing is
+    int backTicks_ = 0;
+};
+
+}  // namespace viable::detail

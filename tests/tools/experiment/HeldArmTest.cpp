@@ -1,0 +1,110 @@
+// An arm that is held, and readings that cannot be: the motors give no more than the robust loop's authority, and the real arm
+// runs no faster than it may.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <random>
+
+#include "CaseSupport.h"
+#include "Effort.h"
+
+namespace viable {
+namespace {
+
+using test::readTestExperiment;
+
+const char* const kSteps = R"(schema: 1
+title: steps
+robot: indy7
+duration_s: 6
+limits: {velocity_radps: 1.0, acceleration_radps2: 6, jerk_radps3: 40}
+command: {plugin: random_steps, seed: 3}
+controller: {plugin: joint_servo}
+robust_loop: {plugin: nric}
+filter: {plugin: certified_braking}
+real_plant: {plugin: simbody}
+cases: {A: {}}
+)";
+
+struct Extremes {
+    double torque = 0.0;    ///< of a motor beyond the nominal demand, as a share of its limit
+    double speed = 0.0;     ///< of a real joint, as a share of its velocity limit
+    double endSpeed = 0.0;  ///< of the fastest joint at the end [rad/s]
+    bool stopped = false;
+    bool brokeLimits = false;
+};
+
+Extremes run(const std::vector<std::string>& overrides) {
+    const CasePlan plan = readTestExperiment(kSteps, overrides).cases.front();
+    auto configured = configureCase(plan);
+    CaseResult result = makeResult(*configured);
+    ControlLoop loop(configured->setup, std::move(configured->plugins),
+                     RealArmOptions{nullptr, plan.feedsExternalTorque, true, false, true, configured->motorRate});
+    Extremes found;
+    TickRecord record;
+    const auto ticks = static_cast<int>(std::lround(plan.duration_s / plan.tick_s));
+    const JointVector& fastest = plan.limits.velocity.upper;
+    for (int k = 0; k < ticks; ++k) {
+        loop.tick(record);
+        result.summary.add(record);
+        for (int i = 0; i < plan.robot.size(); ++i) {
+            found.torque = std::max(found.torque, std::abs(record.motorTorque[i] - record.filterTorque[i]) /
+                                                      plan.robot.actuation.torqueLimit[i]);
+            found.speed = std::max(found.speed, std::abs(record.actual.qd[i]) / fastest[i]);
+        }
+        found.endSpeed = record.actual.qd.cwiseAbs().maxCoeff();
+    }
+    found.stopped = loop.isStopping();
+    found.brokeLimits = result.summary.anyLimitBroken();
+    return found;
+}
+
+std::vector<std::string> on(const char* robot, const std::string& limits, std::mt19937& random) {
+    return {std::string("robot=") + robot, "limits=" + limits, "command.seed=" + std::to_string(random() % 1000)};
+}
+
+TEST(Fault91, AJointThatIsHeldGetsNoMoreThanItsAuthorityAndIsNotThrown) {
+    std::mt19937 random(1);
+    for (const char* robot : {"indy7", "panda", "ur5e"})
+        for (int k = 0; k < test::countOf(4); ++k) {
+            std::vector<std::string> o =
+                on(robot, "{velocity_radps: 1.0, acceleration_radps2: 6, jerk_radps3: 40}", random);
+            const double from = 0.5 + 1e-3 * static_cast<double>(random() % 2000);
+            o.push_back("real_plant={plugin: simbody, friction: robot, blocked_joint: " + std::to_string(random() % 4) +
+                        ", blocked_from_s: " + std::to_string(from) +
+                        ", blocked_until_s: " + std::to_string(from + 2.0) + "}");
+            const Extremes found = run(o);
+            std::printf("  %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end%s\n", robot,
+                        found.torque, found.speed, found.endSpeed, found.stopped ? ", stopped" : "");
+            EXPECT_LE(found.torque, 0.55) << o.back();  // friction in motion comes on top
+            EXPECT_LE(found.speed, 1.1) << o.back();
+            EXPECT_LE(found.endSpeed, 1e-2) << o.back();
+            EXPECT_FALSE(found.brokeLimits) << o.back();
+        }
+}
+
+TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
+    std::mt19937 random(2);
+    for (const char* robot : {"indy7", "panda", "ur5e", "planar_two_link"})
+        for (const char* fault : {"bias", "spike", "stuck", "sign", "swap"})
+            for (int k = 0; k < test::countOf(3); ++k) {
+                const bool isPlanar = robot == std::string("planar_two_link");
+                std::vector<std::string> o = on(
+                    robot, isPlanar ? "{}" : "{velocity_radps: 1.0, acceleration_radps2: 6, jerk_radps3: 40}", random);
+                const double from = 0.3 + 1e-3 * static_cast<double>(random() % 3000);
+                o.push_back(
+                    std::string("real_plant={plugin: simbody, sensor_fault: ") + fault +
+                    ", sensor_fault_rad: 0.2, sensor_fault_joint: " + std::to_string(random() % (isPlanar ? 1 : 5)) +
+                    ", sensor_fault_from_s: " + std::to_string(from) + "}");
+                const Extremes found = run(o);
+                std::printf("  %s %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end%s\n", robot,
+                            fault, found.torque, found.speed, found.endSpeed, found.stopped ? ", stopped" : "");
+                EXPECT_LE(found.speed, fault == std::string("stuck") ? 1.5 : 1.25) << o.back();
+                EXPECT_LE(found.endSpeed, 1e-2) << o.back();
+                EXPECT_FALSE(found.brokeLimits) << o.back();
+            }
+}
+
+}  // namespace
+}  // namespace viable
