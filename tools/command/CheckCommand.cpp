@@ -29,6 +29,7 @@ int tell(const ConfiguredCase& configured, CaseForecast& last) {
     std::printf("%s: robot %s, %d joints, %g s at %g Hz, filter %s: ok\n", plan.name.c_str(), plan.robot.name.c_str(),
                 plan.robot.size(), plan.duration_s, 1.0 / plan.tick_s, plan.filterName().c_str());
     if (!forecast.gains.empty() && forecast.gains != last.gains) std::printf("  gains    %s\n", forecast.gains.c_str());
+    if (!forecast.push.empty() && forecast.push != last.push) std::printf("  push     %s\n", forecast.push.c_str());
     if (!forecast.motors.empty() && forecast.motors != last.motors)
         std::printf("  motors   %s\n", forecast.motors.c_str());
     if (!forecast.limits.empty() && forecast.limits != last.limits)

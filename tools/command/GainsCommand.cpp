@@ -4,9 +4,12 @@
 
 #include "Commands.h"
 #include "core/Text.h"
+#include "loop/Authority.h"
 #include "tracking/InertiaSample.h"
 #include "viable/core/Error.h"
+#include "viable/core/Numbers.h"
 #include "viable/plugin/Plugin.h"
+#include "viable/robot/RobotModel.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {
@@ -78,6 +81,16 @@ void run(const GainsArguments& arguments) {
                     formatMargins(left).c_str(), left.isEnough() ? "" : "; too little to rely on",
                     detail::formatGains(constant).c_str());
     }
+    const JointVector still = JointVector::Zero(robot.size());
+    RunSetup setup{robot, robot.limits, arguments.tick_s, kInfinity, {robot.home, still, still}, {}};
+    setup.delayTicks = arguments.delayTicks;
+    Dynamics dynamics;
+    RobotModel(robot).calcDynamics(robot.home, still, dynamics);
+    const detail::Authority authority(setup, detail::calcAuthority(setup, &loop, nullptr));
+    std::printf(
+        "Added to what moves the nominal arm, without a disturbance_set: %s in the home pose. Twice the friction of a "
+        "moving joint, and what lasts longer than half a second, come on top.\n",
+        detail::tellPush(robot, authority, dynamics.J).c_str());
     if (robot.actuation.rotorInertia.maxCoeff() == 0.0)
         std::printf("No rotor inertias are given (actuation.yaml): with them light joints carry more.\n");
 }

@@ -13,6 +13,7 @@
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "host/WatchedLimit.h"
+#include "loop/Authority.h"
 #include "plugin/RehearsedCommand.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
@@ -136,6 +137,20 @@ void addGains(const ConfiguredCase& configured, CaseForecast& forecast) {
                           ? "margins " + formatMargins(margins) + ", least at " + getJoint(plan.robot, margins.joint) +
                                 (margins.isEnough() ? "" : " (6 dB and 35 degrees would be enough)")
                           : "unstable, as accepted";
+}
+
+/** What the robust loop may add to the motors. */
+void addPush(const ConfiguredCase& configured, CaseForecast& forecast) {
+    const CasePlan& plan = configured.plan;
+    if (!plan.robustLoop || plan.robustLoop->acceptsUnstable) return;
+    const std::optional<LinearErrorLoop> law = configured.plugins.robustLoop->traits().errorLoop;
+    const detail::Authority authority(
+        configured.setup, detail::calcAuthority(configured.setup, law ? &*law : nullptr,
+                                                configured.bound ? &*configured.bound : nullptr));
+    Dynamics dynamics;
+    RobotModel(plan.robot).calcDynamics(plan.start.q, plan.start.qd, dynamics);
+    forecast.push = "the robust loop adds " + detail::tellPush(plan.robot, authority, dynamics.J) + " at the start";
+    if (configured.bound) forecast.push += " (what the disturbance_set asks for)";
 }
 
 /** How near the tool can come to a place, as far as damped least squares from many poses find: an upper bound [m]. */
@@ -291,6 +306,7 @@ void addLimits(const ConfiguredCase& configured, CaseForecast& forecast) {
 CaseForecast forecastCase(const ConfiguredCase& configured) {
     CaseForecast forecast;
     addGains(configured, forecast);
+    addPush(configured, forecast);
     addMotors(configured, forecast);
     addPeople(configured, forecast);
     addLimits(configured, forecast);

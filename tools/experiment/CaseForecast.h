@@ -10,6 +10,7 @@ namespace viable {
 /** What can be told of a case before its run. */
 struct CaseForecast {
     std::string gains;   ///< of the robust loop, with their margins: one line; empty: none that tells its law
+    std::string push;    ///< how much it may add to the motors, one line; empty: as much as they have
     std::string motors;  ///< shares of their torque limits, one line; empty: no limits are known
     std::vector<std::string> people;  ///< what is known of each before it is seen, a line each
     bool keepsApart = true;           ///< the filter knows them; or there are none

@@ -315,6 +315,7 @@ void Summary::addMotor(int i, const TickRecord& record) {
         ++motor.ticksRateLimited;
     peak.last = record.motorTorque[i];
     const double push = record.robustTorque[i] / reference_.torqueLimit[i];
+    motor.worstAdded = std::max(motor.worstAdded, std::abs(push));
     // Beyond its limit the nominal torque is cut by the robust loop's.
     const bool isWithin = std::abs(asked - record.robustTorque[i]) < reference_.torqueLimit[i];
     if (isWithin && std::abs(push) >= kPushShare) {

@@ -133,6 +133,7 @@ struct TrackingTrip {
 struct MotorRecord {
     double worstUse = 0.0;     ///< largest share of the robot's torque limit
     double worstTime_s = 0.0;  ///< when
+    double worstAdded = 0.0;   ///< largest share of it that the robust loop added
     /** Ticks at the robot's limit or beyond. For a weaker motor, those at the largest torque that it ever gave, when
     more was asked of it by the last of them: so it counts whatever its limit, and late commands do not. */
     std::int64_t ticksSaturated = 0;

@@ -219,6 +219,9 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("<joint>.worst_use", [](S s, int i) {
          return s.motor(i).worstUse;
      }).column("motor.worst_use", "", "Largest share of a motor's torque used", Over::Largest);
+    t.add("<joint>.worst_added", [](S s, int i) {
+         return s.motor(i).worstAdded;
+     }).column("motor.worst_added", "", "Largest share of a motor's torque added by the robust loop", Over::Largest);
     t.add("<joint>.ticks_saturated", [](S s, int i) {
          return s.motor(i).ticksSaturated;
      }).column("motor.saturated_ticks", "", "Joint-ticks with a motor at its limit", Over::Sum);

@@ -383,13 +383,16 @@ std::string formatReal(const Summary& s) {
     }
     if (s.reference().torqueLimit.size() == n && (s.reference().torqueLimit.array() < INFINITY).any()) {
         std::int64_t saturated = 0, rateLimited = 0;
+        double added = 0.0;
         text += "  motors        largest share of the torque limit per joint [%]";
         for (int i = 0; i < n; ++i) {
             text += "  " + formatPercent(s.motor(i).worstUse);
+            added = std::max(added, s.motor(i).worstAdded);
             saturated += s.motor(i).ticksSaturated;
             rateLimited += s.motor(i).ticksRateLimited;
         }
         text += format(", saturated in %lld joint-ticks", static_cast<long long>(saturated));
+        text += ", at most " + formatPercent(added) + " % added by the robust loop";
         if (s.reference().torqueRate.size() == n)
             text += format(", changing as fast as they may in %lld", static_cast<long long>(rateLimited));
         text += "\n";

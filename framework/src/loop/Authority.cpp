@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/Text.h"
 #include "robot/PoseSampling.h"
 #include "tracking/InertiaSample.h"
 
@@ -32,7 +33,7 @@ AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop,
     const int n = setup.size();
     const Actuation& actuation = setup.robot.actuation;
     const JointVector none = JointVector::Zero(n);
-    AuthoritySizes sizes{none, none, {none, none, JointVector::Ones(n)}, loop ? loop->kp : none};
+    AuthoritySizes sizes{none, none, 0.0, loop ? loop->kp : none};
     if (bound && loop) {
         const JointVector noise = 2.0 / setup.tick_s * (bound->measured - bound->position);
         const JointVector error = bound->velocity + noise + loop->kp.cwiseProduct(bound->measured);
@@ -40,12 +41,11 @@ AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop,
         if (loop->friction.isActive()) sizes.reach += loop->friction.figures.coulomb + loop->friction.figures.viscous;
         return sizes;
     }
-    sizes.friction = {kFrictionFactor * actuation.friction.coulomb, kFrictionFactor * actuation.friction.viscous,
-                      actuation.friction.viscousVelocity};
+    sizes.friction = kFrictionFactor;
     const JointVector gain = loop ? findLargestGain(setup, *loop) : none;
     for (int i = 0; i < n; ++i) {
         const double motor = kMotorShare * actuation.torqueLimit[i];
-        sizes.lasting[i] = std::max(0.5 * motor, motor - sizes.friction.coulomb[i]);
+        sizes.lasting[i] = std::max(0.5 * motor, motor - kFrictionFactor * actuation.friction.coulomb[i]);
         const double noise = 2.0 * setup.robot.encoderStep(i) * (1.0 / setup.tick_s + sizes.kp[i]);
         sizes.reach[i] = sizes.lasting[i] + gain[i] * noise;
     }
@@ -57,6 +57,7 @@ Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
       answerTicks_(kAnswerTicks + setup.delayTicks),
       tick_s_(setup.tick_s),
       sizes_(std::move(sizes)),
+      figures_(setup.robot.actuation.friction),
       fastest_(setup.limits.velocity),
       least_(n_),
       backTicks_(std::max(2, static_cast<int>(kTakeBack_s / setup.tick_s))) {
@@ -77,6 +78,7 @@ void Authority::reset() {
     isNear_.fill(true);
     isPressed_.fill(false);
     isDeaf_.fill(false);
+    isOpen_.fill(false);
 }
 
 void Authority::widen(const JointLimits& limits) {
@@ -84,10 +86,9 @@ void Authority::widen(const JointLimits& limits) {
     fastest_.upper = fastest_.upper.cwiseMax(limits.velocity.upper);
 }
 
-/** [Nm]; `speed` >= 0. */
-double Authority::calcFriction(int joint, double speed) const {
-    const JointFriction& f = sizes_.friction;
-    return f.coulomb[joint] - f.viscous[joint] * std::expm1(-speed / f.viscousVelocity[joint]);
+/** By the robot's description [Nm]; `speed` >= 0. */
+double Authority::calcFigure(int joint, double speed) const {
+    return figures_.coulomb[joint] - figures_.viscous[joint] * std::expm1(-speed / figures_.viscousVelocity[joint]);
 }
 
 double Authority::calcRest(int joint) const {
@@ -120,8 +121,9 @@ void Authority::update(const MotionState& nominal, JointState& real) {
         velocity_[i] += share * (std::clamp(real.qd[i], fastest_.lower[i], fastest_.upper[i]) - velocity_[i]);
         frictionHighest_[i] = calcFriction(i, std::max(0.0, velocity_[i]));
         frictionLowest_[i] = -calcFriction(i, std::max(0.0, -velocity_[i]));
-        highest_[i] = lasting_[i] + frictionHighest_[i] + sizes_.reach[i];
-        lowest_[i] = lasting_[i] + frictionLowest_[i] - sizes_.reach[i];
+        const double lasting = std::clamp(lasting_[i], -sizes_.lasting[i], sizes_.lasting[i]);
+        highest_[i] = lasting + frictionHighest_[i] + sizes_.reach[i];
+        lowest_[i] = lasting + frictionLowest_[i] - sizes_.reach[i];
         isNear_[at] = true;
         const double kp = sizes_.kp[i];
         if (!isHeld_[at] || !(kp > 0.0)) continue;
@@ -137,34 +139,42 @@ bool Authority::cut(JointVector& torque) {
     for (int i = 0; i < n_; ++i) {
         const std::size_t at = index(i);
         const double wanted = torque[i];
-        const double beyond = wanted - std::clamp(wanted, frictionLowest_[i], frictionHighest_[i]);
-        const double push = beyond - lasting_[i];
-        isPressed_[at] = std::abs(push) > kPressing * sizes_.reach[i];
-        if (isPressed_[at]) pushed_[i] = push;
-        double given = std::clamp(wanted, lowest_[i], highest_[i]);
+        if (isOpen_[at]) {
+            torque[i] = calcOpen(i);
+            isChanged = true;
+            continue;
+        }
+        const double given = torque[i] = std::clamp(wanted, lowest_[i], highest_[i]);
         const int side = wanted > given ? 1 : wanted < given ? -1 : 0;
         cutTicks_[at] = side == 0 ? 0 : side == cutSide_[at] ? cutTicks_[at] + 1 : 1;
         cutSide_[at] = side;
+        const double push = given > 0.0 ? std::max(0.0, given - highest_[i] + sizes_.reach[i])
+                                        : std::min(0.0, given - lowest_[i] - sizes_.reach[i]);
+        isPressed_[at] = std::abs(push) > kPressing * sizes_.reach[i];
+        if (isPressed_[at]) pushed_[i] = push;
         if (side != 0) {
-            isHeld_[at] = true;
-            pushed_[i] = given - lasting_[i];
-        } else {
-            isHeld_[at] = isHeld_[at] && !isNear_[at];
-            lasting_[i] += std::min(1.0, tick_s_ / kLasting_s) * push;
-            lasting_[i] = std::clamp(lasting_[i], -sizes_.lasting[i], sizes_.lasting[i]);
+            isHeld_[at] = isChanged = true;
+            continue;
         }
-        if (backTick_[at] > 0) {
-            // Down from the excess in the first half; the impulse as a triangle over all of it.
-            const double half = 0.5 * backTicks_, k = backTick_[at];
-            const double weight = (k <= half ? k : backTicks_ - k) / (half * half);
-            given += excess_[i] * std::max(0.0, 1.0 - k / half) - owed_[i] * weight;
-            given = std::clamp(given, lowest_[i], highest_[i]);
-            backTick_[at] = backTick_[at] < backTicks_ ? backTick_[at] + 1 : 0;
-        }
-        isChanged |= given != wanted;
-        torque[i] = given;
+        isHeld_[at] = isHeld_[at] && !isNear_[at];
+        const double speed = std::abs(velocity_[i]);
+        const double friction = std::tanh(speed / kStandstill) * calcFigure(i, speed);
+        const double needed = given - std::copysign(friction, velocity_[i]);
+        lasting_[i] += std::min(1.0, tick_s_ / kLasting_s) * (needed - lasting_[i]);
     }
     return isChanged;
+}
+
+/** d, and on the way there what is left of the torque before: down from it in the first half; the impulse as a triangle over all
+of it. */
+double Authority::calcOpen(int joint) {
+    int& tick = backTick_[index(joint)];
+    if (tick >= backTicks_) return lasting_[joint];
+    const double half = 0.5 * backTicks_, k = ++tick;
+    const double weight = (k <= half ? k : backTicks_ - k) / (half * half);
+    const double back = excess_[joint] * std::max(0.0, 1.0 - k / half) - owed_[joint] * weight;
+    return std::clamp(lasting_[joint] + back, std::min(lowest_[joint], lasting_[joint]),
+                      std::max(highest_[joint], lasting_[joint]));
 }
 
 void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill) {
@@ -179,12 +189,42 @@ void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoint
     }
 }
 
-void Authority::takeBack(int joint) {
-    excess_[joint] = last_[joint] - base_[joint];
-    owed_[joint] = impulse_[joint] + 0.25 * backTicks_ * excess_[joint];  // with what the way down adds
-    backTick_[index(joint)] = 1;
-    impulse_[joint] = 0.0;
-    isHeld_[index(joint)] = false;
+void Authority::open(int joint) {
+    const std::size_t at = index(joint);
+    if (isOpen_[at]) return;
+    isOpen_[at] = true;
+    isHeld_[at] = isPressed_[at] = isDeaf_[at] = false;
+    cutTicks_[at] = backTick_[at] = 0;
+    const double half = 0.5 * backTicks_;
+    excess_[joint] = last_[joint] - lasting_[joint];
+    owed_[joint] = impulse_[joint] + 0.5 * (half - 1.0) * (last_[joint] - base_[joint]);  // with what the way down adds
+}
+
+Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) {
+    constexpr double kNoLever = 1e-6;  // [m]
+    Eigen::Vector3d force = Eigen::Vector3d::Constant(kInfinite);
+    for (int axis = 0; axis < 3; ++axis)
+        for (int i = 0; i < torque.size(); ++i)
+            if (std::abs(J(axis, i)) > kNoLever) force[axis] = std::min(force[axis], torque[i] / std::abs(J(axis, i)));
+    return force;
+}
+
+std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J) {
+    std::string joints;
+    JointVector rest(robot.size());
+    for (int i = 0; i < robot.size(); ++i) {
+        rest[i] = authority.limits(i) ? authority.calcRest(i) : kInfinite;
+        const char* const name = robot.joints[static_cast<std::size_t>(i)].name.c_str();
+        addItem(joints, authority.limits(i)
+                            ? format("%s %.3g %s (%.0f %% of the motor)", name, rest[i], robot.slides(i) ? "N" : "Nm",
+                                     100.0 * rest[i] / robot.actuation.torqueLimit[i])
+                            : format("%s any", name));
+    }
+    const Eigen::Vector3d force = calcToolForce(rest, J);
+    std::string axes;
+    for (int axis = 0; axis < 3; ++axis)
+        if (std::isfinite(force[axis])) addItem(axes, format("%.3g N along %c", force[axis], "xyz"[axis]));
+    return "at most " + joints + " at rest" + (axes.empty() ? "" : "; the tool presses with at most " + axes);
 }
 
 }  // namespace viable::detail

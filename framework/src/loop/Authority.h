@@ -2,18 +2,20 @@
 
 #include <array>
 #include <cmath>
+#include <string>
 
 #include "tracking/TrackingBound.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/plugin/RobustLoop.h"
+#include "viable/robot/Dynamics.h"
 
 namespace viable::detail {
 
 /** How much a robust loop may add to the torques that move the nominal arm; one entry per joint. */
 struct AuthoritySizes {
     JointVector reach;       ///< besides friction and what lasts [Nm]; infinite: any
-    JointVector lasting;     ///< most that it may need all the time, as for a payload [Nm]
-    JointFriction friction;  ///< that it may make up for at the real velocity; zero where `reach` has it
+    JointVector lasting;     ///< most that it may need all the time, as for a payload; 0 where `reach` has it [Nm]
+    double friction = 0.0;   ///< factor on the robot's figures: may be made up for at the real velocity; 0 likewise
     JointVector kp;          ///< of its law [1/s]; zero: not known
 };
 
@@ -33,13 +35,14 @@ inline constexpr double kFrictionFactor = 2.0, kMotorShare = 0.25;
 held, or whose encoder says nonsense, gets no more than that, however far the loop takes it to be from its nominal place.
 
 f is friction at the real joint's velocity (both ways Coulomb friction), smoothed over kVelocity_s. d is what the loop gave
-beyond it in the last kLasting_s; it stands still while the joint's torque is cut. What is not cut is not changed in a bit.
+in the last kLasting_s beyond the friction figures; it stands still while the joint's torque is cut. What is not cut is
+not changed in a bit.
 
 A joint that was cut is let go without a throw: until it is near again the loop sees it no farther away than its law
 answers with a velocity kFastReturn times the limit.
 
 It also tells a joint that does not answer: the loop pushes it with all it may, and its velocity error does not shrink. An
-encoder is wrong then, or something is stronger. What was pushed meanwhile is taken back (takeBack()).
+encoder is wrong then, or something is stronger. A joint whose readings are of no use is left to d (open()).
 Real time: no allocation, lock or throw after begin(). */
 class Authority {
 public:
@@ -52,6 +55,8 @@ public:
     static constexpr double kPressing = 0.5;
     /** What was pushed in vain is taken back in this time [s]. */
     static constexpr double kTakeBack_s = 0.025;
+    /** Slower than this a joint is not sure to move, and dry friction may act either way [rad/s, m/s]. */
+    static constexpr double kStandstill = 0.02;
 
     /** Without limits. */
     Authority() = default;
@@ -80,8 +85,9 @@ public:
     double pushed(int joint) const { return pushed_[joint]; }
     /** Deviation from the nominal joint before it was cut [rad, m]. */
     double goodDeviation(int joint) const { return goodDeviation_[joint]; }
-    /** From the next tick on what the joint was pushed with in vain is taken back: first its torque, then its momentum. */
-    void takeBack(int joint);
+    /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
+    without a step, and what the joint was pushed with in vain is taken back: that torque, and the momentum it made. */
+    void open(int joint);
 
     const AuthoritySizes& sizes() const { return sizes_; }
     /** Most that may be added to a joint that stands still while nothing lasts [Nm]. */
@@ -89,12 +95,15 @@ public:
 
 private:
     static std::size_t index(int joint) { return static_cast<std::size_t>(joint); }
-    double calcFriction(int joint, double speed) const;
+    double calcFigure(int joint, double speed) const;
+    double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
+    double calcOpen(int joint);
     void listen(int joint, double velocityError);
 
     int n_ = 0, answerTicks_ = 0;
     double tick_s_ = 0.0;
     AuthoritySizes sizes_;
+    JointFriction figures_;
     JointBounds fastest_;
     JointVector least_;  // change of a velocity error that is one [rad/s, m/s]
     JointVector velocity_, lasting_, lowest_, highest_;
@@ -102,13 +111,21 @@ private:
     JointVector pushed_, deviation_, goodDeviation_;
     JointVector firstError_;  // of the velocity, in the first tick that was cut
     std::array<int, kMaxJoints> cutTicks_{}, cutSide_{};
-    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isDeaf_{};
+    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isDeaf_{}, isOpen_{};
 
-    // What is taken back of a joint.
+    // Pushed in vain, as far as it is not known better.
     JointVector base_, impulse_, last_;  // torque before [Nm], pushed since then [Nm ticks], in the tick before [Nm]
-    JointVector excess_, owed_;          // torque and impulse at the beginning
-    std::array<int, kMaxJoints> backTick_{};  // 0: nothing is
+    // Of an open joint: torque beyond d, and impulse that is owed, at the beginning.
+    JointVector excess_, owed_;
+    std::array<int, kMaxJoints> backTick_{};
     int backTicks_ = 0;
 };
+
+/** Largest force that joints pushed with those torques, each up to its own [Nm], press the tool with along x, y and z of the
+base frame: what the weakest joint can hold [N]. Infinite along an axis that no joint moves the tool along. */
+Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J);
+
+/** "at most 108 Nm at joint0 (25 % of its motor), ... at rest; the tool presses with 140, 96, 210 N along x, y, z": of a pose. */
+std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J);
 
 }  // namespace viable::detail

@@ -201,6 +201,7 @@ bool ControlLoop::replaceStillReading(int joint) {
     if (!(std::abs(sensors_.deviation()[joint]) > options_.bound->measured[joint])) return false;
     if (!(sensors_.findStillTravel(joint) > kJumpCounts * setup_.robot.encoderStep(joint))) return false;
     isPlausible_[at] = false;
+    if (authority_.limits(joint)) authority_.open(joint);
     sensors_.disownStill(joint, std::max(1, static_cast<int>(kRelease_s / setup_.tick_s)));
     sensors_.standIn(joint, nominal(), plausible_);
     return true;
@@ -219,7 +220,7 @@ void ControlLoop::checkAnswers() {
         isPlausible_[at] = false;
         sensors_.disown(i, isStill ? sensors_.changedDeviation(i) : authority_.goodDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
-        authority_.takeBack(i);
+        authority_.open(i);
         char message[LoopStatus::kMessageSize];
         std::snprintf(message, sizeof message,
                       "%.60s does not answer its motor: pushed with %.3g %s beyond friction, its reading %s",
@@ -365,6 +366,7 @@ void ControlLoop::checkReading() {
         const auto at = static_cast<std::size_t>(i);
         if (judges && isPlausible_[at] && !isExplained[at]) {
             isPlausible_[at] = false;
+            if (authority_.limits(i)) authority_.open(i);
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
             std::snprintf(message, sizeof message,

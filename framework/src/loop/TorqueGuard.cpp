@@ -248,15 +248,19 @@ public:
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState& start) override {
         if (nric_) nric_->reset(start);
+        isHolding_ = false;
         last_.setZero(start.q.size());
         lastSpeed_.setZero(start.q.size());
     }
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                        JointVector& torque) override {
         if (!nric_ || !arm_.hasReading()) {
+            isHolding_ = true;
             hold(nominal, torque);
             return TickStatus::Ok;
         }
+        if (isHolding_) torque = last_;  // to Nric the ticks between are none
+        isHolding_ = false;
         const TickStatus status = nric_->compute(real, nominal, filterTorque, torque);
         if (status == TickStatus::Ok) {
             last_ = torque;
@@ -288,6 +292,7 @@ private:
     Nric* nric_;
     JointVector last_;       // from the last reading
     JointVector lastSpeed_;  // of the nominal arm then
+    bool isHolding_ = false;
 };
 
 struct TorqueGuard::Inside {
@@ -323,6 +328,7 @@ struct TorqueGuard::Inside {
         plugins.robustLoop = lend<RobustLoop>(robustLoop);
         plugins.realPlant = lend<RealPlant>(arm);
         RealArmOptions real{nullptr, true, false};
+        real.limitsAuthority = options.limitsAuthority;
         JointVector slowest = options.convention.torqueRate.expand(robot.size());
         if (options.robustGains) {
             real.motorRate = options.robustGains->motorRate.expand(robot.size());

@@ -1,9 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <random>
 
-#include "Paths.h"
+#include "TestArm.h"
 #include "loop/Authority.h"
 #include "viable/core/Numbers.h"
 
@@ -11,37 +12,37 @@ namespace viable {
 namespace {
 
 using detail::Authority;
+using detail::AuthoritySizes;
 
-constexpr double kTick_s = 1e-3;
+JointVector pair(double a, double b) {
+    JointVector v(2);
+    v << a, b;
+    return v;
+}
 
-/** Two joints, friction of 3 and 1 Nm and viscous 2 Nm, that may be pushed by 10 and 4 Nm. */
+/** Two joints, twice their friction 3 and 1 Nm and viscous 2 Nm, that may be pushed by 10 and 4 Nm. */
 class AuthorityTest : public testing::Test {
 protected:
     AuthorityTest() {
-        sizes_.reach = pair(10.0, 4.0);
-        sizes_.lasting = pair(6.0, 2.0);
-        sizes_.friction = {pair(3.0, 1.0), pair(2.0, 2.0), pair(0.5, 0.5)};
-        limits_.velocity = {pair(-2.0, -2.0), pair(2.0, 2.0)};
-        loop_.kp = pair(20.0, 20.0);
-        authority_.begin(sizes_, limits_, &loop_, kTick_s);
-    }
-    static JointVector pair(double a, double b) {
-        JointVector v(2);
-        v << a, b;
-        return v;
+        arm_.limits.velocity = {pair(-2.0, -2.0), pair(2.0, 2.0)};
+        setup_.emplace(arm_.setup());
+        arm_.robot.actuation.friction = {pair(1.5, 0.5), pair(1.0, 1.0), pair(0.5, 0.5)};
+        authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
     }
     /** One tick. Returns what is left of the torque. */
-    JointVector tick(const JointVector& wanted, const JointState& real, const MotionState& nominal) {
+    JointVector tick(const JointVector& wanted, const JointState& real, const MotionState& nominal, bool isStill = false) {
         seen_ = real;
         authority_.update(nominal, seen_);
         JointVector torque = wanted;
         isCut_ = authority_.cut(torque);
+        std::array<bool, kMaxJoints> still{};
+        still[0] = isStill;
+        authority_.take(torque, still);
         return torque;
     }
 
-    detail::AuthoritySizes sizes_;
-    JointLimits limits_ = JointLimits::unlimited(2);
-    LinearErrorLoop loop_;
+    TestArm arm_{"planar_two_link"};
+    std::optional<RunSetup> setup_;
     Authority authority_;
     JointState seen_;
     bool isCut_ = false;
@@ -54,7 +55,7 @@ TEST_F(AuthorityTest, ChangesNothingWhileNothingIsCut) {
     std::uniform_real_distribution<double> share(-1.0, 1.0);
     for (int k = 0; k < 2000; ++k) {
         const JointState real{pair(share(random), share(random)), pair(share(random), share(random))};
-        const JointVector wanted = pair(3.9 * share(random), 1.9 * share(random));
+        const JointVector wanted = pair(12.0 * share(random), 4.5 * share(random));
         EXPECT_EQ(tick(wanted, real, rest_), wanted);
         EXPECT_EQ(seen_.q, real.q);
         EXPECT_EQ(seen_.qd, real.qd);
@@ -69,24 +70,32 @@ TEST_F(AuthorityTest, NothingTakesTheTorqueBeyondWhatItSays) {
     for (int k = 0; k < 20000; ++k) {
         const JointState real{pair(any(random), any(random)), pair(any(random), any(random))};
         const JointVector torque = tick(pair(any(random), any(random)), real, rest_);
+        if (random() % 1000 == 0) authority_.open(0);
+        if (random() % 2000 == 0) authority_.reset();
         // lasting + friction at the velocity limit + reach
         const double friction = 3.0 + 2.0 * (1.0 - std::exp(-2.0 / 0.5));
         ASSERT_LE(std::abs(torque[0]), 6.0 + friction + 10.0 + 1e-12);
-        ASSERT_GE(torque[0], authority_.lowest()[0]);
-        ASSERT_LE(torque[0], authority_.highest()[0]);
         largest = std::max(largest, std::abs(torque[0]));
     }
     EXPECT_GT(largest, 13.0);
 }
 
 TEST_F(AuthorityTest, WhatFreeMotionNeedsForLongerIsLearntAndWhatIsCutIsNot) {
-    for (int k = 0; k < 3000; ++k) tick(pair(8.0, 0.0), still_, rest_);  // a payload: 5 Nm beyond friction
-    EXPECT_NEAR(authority_.lasting()[0], 5.0, 0.05);
-    EXPECT_EQ(authority_.lasting()[1], 0.0);
+    const auto most = [&] {  // of a joint at rest, seen on a copy
+        Authority copy = authority_;
+        JointState seen = still_;
+        copy.update(rest_, seen);
+        JointVector torque = pair(1e3, 1e3);
+        copy.cut(torque);
+        return torque;
+    };
+    for (int k = 0; k < 5000; ++k) tick(pair(5.0, 0.0), still_, rest_);  // a payload
+    EXPECT_NEAR(most()[0], 5.0 + 3.0 + 10.0, 0.05);
+    EXPECT_EQ(most()[1], 1.0 + 4.0);
     for (int k = 0; k < 3000; ++k) EXPECT_NEAR(tick(pair(100.0, 0.0), still_, rest_)[0], 18.0, 0.05);
-    EXPECT_NEAR(authority_.lasting()[0], 5.0, 0.05) << "held";
+    EXPECT_NEAR(most()[0], 18.0, 0.05) << "held";
     for (int k = 0; k < 20000; ++k) tick(pair(12.9, 0.0), still_, rest_);
-    EXPECT_EQ(authority_.lasting()[0], 6.0) << "no more than that";
+    EXPECT_EQ(most()[0], 6.0 + 3.0 + 10.0) << "no more than that";
 }
 
 TEST_F(AuthorityTest, AJointThatWasHeldIsPulledBackNoFasterThanItMayMove) {
@@ -94,34 +103,80 @@ TEST_F(AuthorityTest, AJointThatWasHeldIsPulledBackNoFasterThanItMayMove) {
     tick(pair(5.0, 0.0), away, rest_);
     EXPECT_EQ(seen_.q, away.q) << "nothing was cut yet";
     tick(pair(1e4, 0.0), away, rest_);
-    EXPECT_TRUE(authority_.isHeld(0));
-    EXPECT_FALSE(authority_.isHeld(1));
     MotionState nominal = rest_;
     for (const double speed : {0.0, 1.0, -2.0}) {
         nominal.qd[0] = speed;
         tick(pair(1.0, 0.0), away, nominal);
-        EXPECT_LE(speed - 20.0 * seen_.q[0], 1.02 * 2.0 + 1e-12) << speed;  // nominal speed and pull
-        EXPECT_NEAR(speed - 20.0 * seen_.q[0], 1.02 * 2.0, 1e-9) << speed;
+        EXPECT_NEAR(speed - 20.0 * seen_.q[0], 1.02 * 2.0, 1e-9) << speed;  // nominal speed and pull
     }
     tick(pair(1.0, 0.0), still_, rest_);
-    EXPECT_FALSE(authority_.isHeld(0)) << "it is back";
+    tick(pair(1.0, 0.0), away, rest_);
+    EXPECT_EQ(seen_.q, away.q) << "it was back";
+}
+
+TEST_F(AuthorityTest, AJointThatGoesTheOtherWayIsDeafAndOneThatComesIsNot) {
+    for (const double acceleration : {-60.0, 60.0}) {
+        authority_.reset();
+        JointState real{pair(0.0, 0.0), pair(-1.0, 0.0)};
+        int ticks = 0;
+        for (; ticks < 30 && !authority_.isDeaf(0); ++ticks) {
+            tick(pair(1e3, 0.0), real, rest_);
+            real.qd[0] += 1e-3 * acceleration;
+        }
+        EXPECT_EQ(authority_.isDeaf(0), acceleration < 0.0);
+        if (acceleration < 0.0) EXPECT_LE(ticks, 10);
+    }
+    authority_.reset();
+    int ticks = 0;
+    for (; ticks < 100 && !authority_.isDeaf(0); ++ticks) tick(pair(1e3, 0.0), {pair(0, 0), pair(-1, 0)}, rest_);
+    EXPECT_GE(ticks, 20) << "one that does not move at all gets more time";
+    EXPECT_LE(ticks, 23);
+}
+
+TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackInFullAndWithoutAStep) {
+    for (int k = 0; k < 9000; ++k) tick(pair(2.0, 0.0), still_, rest_);
+    double impulse = 0.0, last = 2.0;
+    for (int k = 0; k < 6; ++k) {
+        last = tick(pair(1e3, 0.0), still_, rest_, true)[0];
+        impulse += last - 2.0;
+    }
+    authority_.open(0);
+    double largestStep = 0.0;
+    for (int k = 0; k < 40; ++k) {
+        const double torque = tick(pair(2.0, 0.0), still_, rest_)[0];
+        impulse += torque - 2.0;
+        largestStep = std::max(largestStep, std::abs(torque - last));
+        last = torque;
+    }
+    EXPECT_NEAR(impulse, 0.0, 1e-2);  // of some 66 Nm ticks
+    EXPECT_LE(largestStep, 2.0);
+    EXPECT_NEAR(last, 2.0, 1e-6);
 }
 
 TEST(AuthoritySizes, FollowFromMotorAndFriction) {
     for (const char* name : {"indy7", "panda", "ur5e", "planar_two_link"}) {
-        const RobotDescription robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name);
-        LinearErrorLoop loop;
-        loop.kr.setConstant(robot.size(), 0.0);
-        loop.kp = loop.kr;
-        const auto sizes = detail::calcAuthority(robot, robot.limits, kTick_s, &loop, nullptr);
-        for (int i = 0; i < robot.size(); ++i) {
-            const double motor = robot.actuation.torqueLimit[i];
+        TestArm arm(name);
+        const RunSetup setup = arm.setup();
+        const AuthoritySizes sizes = detail::calcAuthority(setup, nullptr, nullptr);
+        const Authority authority(setup, sizes);
+        for (int i = 0; i < arm.size(); ++i) {
+            const double motor = arm.robot.actuation.torqueLimit[i];
             EXPECT_GE(sizes.reach[i], motor / 8.0 - 1e-9);
             EXPECT_LE(sizes.reach[i], motor / 4.0 + 1e-9);
-            if (2.0 * robot.actuation.friction.coulomb[i] < motor / 8.0)
-                EXPECT_NEAR(sizes.reach[i] + 2.0 * robot.actuation.friction.coulomb[i], motor / 4.0, 1e-9);
+            if (2.0 * arm.robot.actuation.friction.coulomb[i] < motor / 8.0)
+                EXPECT_NEAR(authority.calcRest(i), motor / 4.0, 1e-9);
         }
     }
+}
+
+// A motor without a figure has no end, and neither has what is added to it.
+TEST(AuthoritySizes, OfAMotorWithoutALimitAreInfinite) {
+    TestArm arm("planar_two_link");
+    arm.robot.actuation.torqueLimit[1] = kInfinity;
+    const RunSetup setup = arm.setup();
+    const Authority authority(setup, detail::calcAuthority(setup, nullptr, nullptr));
+    EXPECT_TRUE(authority.limits(0));
+    EXPECT_FALSE(authority.limits(1));
 }
 
 }  // namespace

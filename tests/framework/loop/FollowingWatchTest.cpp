@@ -31,7 +31,7 @@ protected:
         asked_ = robust_ = given_ = JointVector::Zero(6);
     }
     Cause update(std::int64_t elapsedTicks = 1) {
-        violation_ = watch_.update(real_, nominal_, {asked_, robust_, given_}, elapsedTicks);
+        violation_ = watch_.update(real_, nominal_, {asked_, robust_, given_, authority_}, elapsedTicks);
         return violation_.cause;
     }
     double torqueLimit() const { return arm_.robot.actuation.torqueLimit[2]; }
@@ -80,6 +80,7 @@ protected:
     JointState real_;
     JointVector asked_, robust_, given_;
     FollowingWatch::Violation violation_;
+    const detail::Authority authority_;  // none
 };
 
 TEST_F(FollowingWatchTest, AJointThatRunsAwayIsSeenAtItsDistance) {

@@ -27,6 +27,11 @@ struct TorqueGuardOptions {
     bool hasRobustLoop = true;
     /** Gains of the robust loop; none: those of scaleGains(), which every pose within the limits can carry. */
     std::optional<NricOptions> robustGains;
+    /** What the robust loop adds to a motor has an end: twice the friction of RobotDescription::actuation and, with that at
+    rest, a quarter of the torque limit; what it adds for longer than half a second, as for a payload, counts beside that,
+    up to as much again. So a joint that is held is not pushed with all that its motor has. A joint that does not answer
+    to that is stopped (TooFar). False: it may use all of the motor. */
+    bool limitsAuthority = true;
     /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m]; > 0,
     infinite: no limit. The robust loop pulls a joint beyond it back as if it were this far, and damps its speed as
     always. From there on the integral of the robust loop stands still, until start(): an arm that is blocked is not
@@ -50,6 +55,8 @@ struct TorqueGuardOptions {
     void describe(V& v) {
         filter.describe(v);
         v(hasRobustLoop, "robust_loop", "False: no robust loop, the motors get the filter's torque alone.");
+        v(limitsAuthority, "limits_authority",
+          "False: the robust loop may use all of the motor, not a quarter of it and twice the friction.");
         v(largestDeviation, "largest_deviation_rad", "rad",
           "Farthest that a joint may be from its nominal one before the arm is stopped.")
             .above(0)

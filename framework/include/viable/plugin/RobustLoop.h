@@ -54,7 +54,7 @@ public:
     /** The torque tau_a [Nm] added to the filter's. `real` is the measured state, `nominal` the nominal arm at the
     same instant. `filterTorque` is the motors' share of the torque that moves the nominal arm: tau_c. With an
     external torque fed to the arm it is tau_c - tau_ext. The motors' limits are in setup.robot.actuation. `torque` comes
-    as what was added in the tick before. The host may have given less than it was asked for (MATH 16), and a sum should not
+    as what was added in the tick before. The host may have given less than it was asked for (MATH 11), and a sum should not
     grow against that. On Ok, `torque` has one finite entry per joint; otherwise the host applies zero. */
     virtual TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                                JointVector& torque) = 0;
