@@ -68,8 +68,8 @@ Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
 
 void Authority::reset() {
     for (JointVector* v :
-         {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &pushed_, &deviation_,
-          &goodDeviation_, &firstError_, &base_, &impulse_, &last_, &excess_, &owed_})
+         {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &deviation_,
+          &goodDeviation_, &firstError_, &base_, &impulse_, &last_, &excess_, &owed_, &impliedSpeed_, &impliedTravel_})
         v->setZero(n_);
     cutTicks_.fill(0);
     cutSide_.fill(0);
@@ -151,7 +151,6 @@ bool Authority::cut(JointVector& torque) {
         const double push = given > 0.0 ? std::max(0.0, given - highest_[i] + sizes_.reach[i])
                                         : std::min(0.0, given - lowest_[i] - sizes_.reach[i]);
         isPressed_[at] = std::abs(push) > kPressing * sizes_.reach[i];
-        if (isPressed_[at]) pushed_[i] = push;
         if (side != 0) {
             isHeld_[at] = isChanged = true;
             continue;
@@ -177,7 +176,8 @@ double Authority::calcOpen(int joint) {
                       std::max(highest_[joint], lasting_[joint]));
 }
 
-void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill) {
+void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill,
+                     const JointVector& inertia) {
     for (int i = 0; i < n_; ++i) {
         if (isCut(i) || isStill[index(i)]) {
             impulse_[i] += torque[i] - base_[i];
@@ -186,6 +186,12 @@ void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoint
             impulse_[i] = 0.0;
         }
         last_[i] = torque[i];
+        const double beyond = torque[i] - lasting_[i], dry = kFrictionFactor * figures_.coulomb[i];
+        if (isStill[index(i)] && inertia[i] > 0.0)
+            impliedSpeed_[i] += (beyond - std::clamp(beyond, -dry, dry)) / inertia[i] * tick_s_;
+        else
+            impliedSpeed_[i] = impliedTravel_[i] = 0.0;
+        impliedTravel_[i] += impliedSpeed_[i] * tick_s_;
     }
 }
 

@@ -73,16 +73,20 @@ public:
     void update(const MotionState& nominal, JointState& real);
     /** True where it changed something. */
     bool cut(JointVector& torque);
-    /** What the motors really get of it, after all rates. @param isStill  the joint's reading is that of the tick before */
-    void take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill);
+    /** What the motors really get of it, after all rates.
+    @param isStill  the joint's reading is that of the tick before
+    @param inertia  of the joint, the others held [kg m^2, kg] */
+    void take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill, const JointVector& inertia);
 
     bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
     /** The joint is pushed by more than friction and d explain, so that it should move. */
     bool isPressed(int joint) const { return isPressed_[index(joint)]; }
     /** Its velocity error does not shrink, though it is pushed with all there is. */
     bool isDeaf(int joint) const { return isDeaf_[index(joint)]; }
-    /** What the loop added beyond friction and d when it was cut last, or pressed [Nm]. */
-    double pushed(int joint) const { return pushed_[joint]; }
+    /** How far the joint must have been pushed since its reading changed last, with what is beyond d and twice its dry friction
+    [rad, m]. */
+    double impliedTravel(int joint) const { return impliedTravel_[joint]; }
+    bool isOpen(int joint) const { return isOpen_[index(joint)]; }
     /** Deviation from the nominal joint before it was cut [rad, m]. */
     double goodDeviation(int joint) const { return goodDeviation_[joint]; }
     /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
@@ -108,11 +112,12 @@ private:
     JointVector least_;  // change of a velocity error that is one [rad/s, m/s]
     JointVector velocity_, lasting_, lowest_, highest_;
     JointVector frictionLowest_, frictionHighest_;
-    JointVector pushed_, deviation_, goodDeviation_;
+    JointVector deviation_, goodDeviation_;
     JointVector firstError_;  // of the velocity, in the first tick that was cut
     std::array<int, kMaxJoints> cutTicks_{}, cutSide_{};
     std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isDeaf_{}, isOpen_{};
 
+    JointVector impliedSpeed_, impliedTravel_;  // since the reading changed last
     // Pushed in vain, as far as it is not known better.
     JointVector base_, impulse_, last_;  // torque before [Nm], pushed since then [Nm ticks], in the tick before [Nm]
     // Of an open joint: torque beyond d, and impulse that is owed, at the beginning.

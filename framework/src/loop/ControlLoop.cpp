@@ -1,5 +1,6 @@
 #include "loop/ControlLoop.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,6 +16,9 @@ namespace {
 
 /** An arm that rests at a limit is measured beyond it by no more [counts]. */
 constexpr double kOutsideCounts = 4.0, kOutside = 1e-4;  // [rad, m]
+
+/** A joint that was pushed this far, and reads the same, is stuck or held, whatever its friction. */
+constexpr double kVisible_rad = 0.02, kVisible_m = 0.01;
 
 /** A share that is smaller is nothing. */
 constexpr double kRounding = 1e-9;
@@ -117,9 +121,10 @@ void ControlLoop::reset() {
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     authority_.reset();
     following_.begin(setup_);
-    sensors_.begin({SensorCheck::Reference::LastReading,
-                    calcLargestChange(setup_, setup_.limits, options_.bound, authority_), any, any},
-                   start.q);
+    SensorCheck::Policy policy{SensorCheck::Reference::LastReading,
+                               calcLargestChange(setup_, setup_.limits, options_.bound, authority_), any, any};
+    SensorCheck::setMotion(setup_, policy);
+    sensors_.begin(policy, start.q);
     for (JointVector* v : {&robustTorque_, &motorTorque_, &appliedTorque_, &releasedTorque_}) v->setZero(n_);
     ticksToMiss_ = 0;
     ticksSinceReading_ = 1;
@@ -214,8 +219,19 @@ void ControlLoop::checkAnswers() {
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         if (!isPlausible_[at] || !authority_.limits(i)) continue;
-        const bool isStill = authority_.isPressed(i) &&
-                             sensors_.findStillTravel(i) > kJumpCounts * setup_.robot.encoderStep(i);
+        const double count = kJumpCounts * setup_.robot.encoderStep(i);
+        const bool isSuspect = sensors_.isSuspect(i);
+        const bool isLong = sensors_.stillTicks(i) >= kStillTicks;
+        // Without a figure of dry friction nobody knows what a joint that stands takes.
+        const double visible = setup_.robot.actuation.friction.coulomb[i] > 0.0 ? count
+                               : setup_.robot.slides(i)                        ? kVisible_m
+                                                                               : kVisible_rad;
+        const bool isStill = (isSuspect && isLong) || (authority_.isPressed(i) && sensors_.findStillTravel(i) > count) ||
+                             (std::abs(authority_.impliedTravel(i)) > visible && sensors_.findStillTravel(i) > count);
+        if (isSuspect && !isStill) {  // until that is known, it is not pushed
+            plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
+            plausible_.qd[i] = nominal().qd[i];
+        }
         if (!isStill && !authority_.isDeaf(i)) continue;
         isPlausible_[at] = false;
         sensors_.disown(i, isStill ? sensors_.changedDeviation(i) : authority_.goodDeviation(i));
@@ -223,11 +239,10 @@ void ControlLoop::checkAnswers() {
         authority_.open(i);
         char message[LoopStatus::kMessageSize];
         std::snprintf(message, sizeof message,
-                      "%.60s does not answer its motor: pushed with %.3g %s beyond friction, its reading %s",
-                      getJointName(setup_.robot, i), std::abs(authority_.pushed(i)),
-                      setup_.robot.slides(i) ? "N" : "Nm",
-                      isStill ? "stands still; its encoder is stuck, or the joint is held"
-                              : "does not follow; its encoder is wrong, or something stronger holds or pushes the arm");
+                      "%.60s does not answer its motor (at most %.3g %s were added): its reading %s",
+                      getJointName(setup_.robot, i), authority_.calcRest(i), setup_.robot.slides(i) ? "N" : "Nm",
+                      isStill ? "stands still, so its encoder is stuck or the joint is held"
+                              : "does not follow, so its encoder is wrong or something stronger holds or pushes the arm");
         loop_.beginStop(StopReason::NotFollowing, message, kOnStillness);
         holdIntegral();
     }
@@ -396,8 +411,36 @@ void ControlLoop::endRobustLoop(bool isAsked) {
     releasedTorque_ = robustTorque_;
 }
 
+/** A joint that nobody measures gives way to what the loop does to the others: their loop would be too strong for the arm if it
+took the joint to stay. Its velocity follows from its row of M de = 0. */
+void ControlLoop::predictOpenJoints() {
+    const JointMatrix& M = nominalArm_.dynamics().M;
+    std::array<int, kMaxJoints> open{};
+    int count = 0;
+    for (int i = 0; i < n_; ++i)
+        if (authority_.isOpen(i)) open[static_cast<std::size_t>(count++)] = i;
+    if (count == 0 || M.rows() != n_) return;
+    JointMatrix own(count, count);
+    JointVector pull(count);
+    const JointVector error = plausible_.qd - nominal().qd;
+    for (int a = 0; a < count; ++a) {
+        const int row = open[static_cast<std::size_t>(a)];
+        pull[a] = 0.0;
+        for (int k = 0; k < n_; ++k)
+            if (!authority_.isOpen(k)) pull[a] -= M(row, k) * error[k];
+        for (int b = 0; b < count; ++b) own(a, b) = M(row, open[static_cast<std::size_t>(b)]);
+    }
+    Eigen::LLT<JointMatrix>(own).solveInPlace(pull);
+    if (!pull.allFinite()) return;
+    for (int a = 0; a < count; ++a) {
+        const int row = open[static_cast<std::size_t>(a)];
+        plausible_.qd[row] = nominal().qd[row] + pull[a];
+    }
+}
+
 /** False: it failed, and robustTorque_ is of no use. */
 bool ControlLoop::askRobustLoop() {
+    predictOpenJoints();
     authority_.update(nominal(), plausible_);
     const JointVector lastRobust = robustTorque_;
     const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
@@ -453,7 +496,8 @@ void ControlLoop::limitRates(const JointVector& lastRobust, const JointVector& l
 void ControlLoop::takeRobustTorque() {
     std::array<bool, kMaxJoints> isStill{};
     for (int i = 0; i < n_; ++i) isStill[static_cast<std::size_t>(i)] = sensors_.isStill(i);
-    authority_.take(robustTorque_, isStill);
+    const JointMatrix& M = nominalArm_.dynamics().M;
+    if (M.rows() == n_) authority_.take(robustTorque_, isStill, M.diagonal());
 }
 
 void ControlLoop::drivePlant() {

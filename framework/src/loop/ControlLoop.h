@@ -44,7 +44,7 @@ struct RealArmOptions {
     /** Likewise of the robust loop's torque (LinearErrorLoop::torqueRate). */
     JointVector robustRate{};
     /** What the robust loop adds has an end (see detail::Authority). */
-    bool limitsAuthority = true;
+    bool limitsAuthority = false;
 };
 
 /** The tick: command, dynamics, controller, filter, monitor, nominal plant, robust loop, real plant.
@@ -130,6 +130,7 @@ private:
     void holdIntegral();
     void releaseToRobot();
     void calcMotorTorque();
+    void predictOpenJoints();
     bool askRobustLoop();
     void endRobustLoop(bool isAsked);
     void limitRates(const JointVector& lastRobust, const JointVector& lastMotor);

@@ -48,6 +48,7 @@ public:
     double commandTime() const;
 
     const MotionState& state() const { return state_; }    ///< before advance(): at the tick's beginning
+    const Dynamics& dynamics() const { return dynamics_; }  ///< of the last tick that decided
     const HeldMotion& motion() const { return motion_; }   ///< of the last decision
     const JointLimits& limits() const { return limits_; }  ///< in force
     bool hasNewLimits() const { return hasNewLimits_; }    ///< since this tick

@@ -22,11 +22,23 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
     return largest;
 }
 
+void SensorCheck::setMotion(const RunSetup& setup, Policy& policy) {
+    policy.count.resize(setup.size());
+    policy.moving.resize(setup.size());
+    for (int i = 0; i < setup.size(); ++i) {
+        const double count = setup.robot.encoderStep(i);
+        policy.count[i] = count > 0.0 ? count : kUnknownCount;
+        const double fastest = std::max(-setup.limits.velocity.lower[i], setup.limits.velocity.upper[i]);
+        policy.moving[i] = std::max(kMovingCounts * policy.count[i], kMovingShare * fastest * setup.tick_s);
+    }
+}
+
 void SensorCheck::begin(const Policy& policy, const JointVector& start) {
     policy_ = policy;
     last_ = start;
-    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_}) v->setZero(start.size());
+    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &lastStep_}) v->setZero(start.size());
     still_.fill(0);
+    moving_.fill(0);
     elapsed_ = 1;
 }
 
@@ -38,14 +50,19 @@ double SensorCheck::calcChange(int joint, const JointState& reading, const Motio
 
 bool SensorCheck::isPlausible(int joint, const JointState& reading, const MotionState& nominal) const {
     return !(std::abs(reading.qd[joint]) > policy_.largestSpeed[joint]) &&
-           !(calcChange(joint, reading, nominal) > policy_.largestChange[joint] * static_cast<double>(elapsed_));
+           !(calcChange(joint, reading, nominal) >
+             std::max(policy_.largestChange[joint] * static_cast<double>(elapsed_), kGrowth * lastStep_[joint]));
 }
 
 void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {
-    const bool stands = reading.q[joint] == last_[joint];
+    const double step = std::abs(reading.q[joint] - last_[joint]);
+    const bool stands = step == 0.0;
     last_[joint] = reading.q[joint];
+    lastStep_[joint] = policy_.reference == Reference::LastReading ? step : 0.0;
     goal_[joint] = deviation_[joint] = reading.q[joint] - nominal.q[joint];
     std::int64_t& still = still_[static_cast<std::size_t>(joint)];
+    std::int64_t& moving = moving_[static_cast<std::size_t>(joint)];
+    if (!stands) moving = still == 0 && step >= policy_.moving[joint] ? moving + 1 : 0;
     still = stands ? still + 1 : 0;
     if (!stands) changedDeviation_[joint] = deviation_[joint];
     elapsed_ = 1;
@@ -57,6 +74,11 @@ void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& rea
     const double largest = policy_.largestDeviation[joint];
     reading.q[joint] = nominal.q[joint] + std::clamp(deviation_[joint], -largest, largest);
     reading.qd[joint] = nominal.qd[joint];
+}
+
+bool SensorCheck::isSuspect(int joint) const {
+    return isStill(joint) && moving_[static_cast<std::size_t>(joint)] >= kStillTicks &&
+           std::abs(deviation_[joint] - changedDeviation_[joint]) > kJumpCounts * policy_.count[joint];
 }
 
 double SensorCheck::findStillTravel(int joint) const {

@@ -18,8 +18,16 @@ below a wrap by a turn. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
 inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 
-/** A reading that stays exactly what it is for so many ticks may be that of a sensor that is stuck. */
+/** And where the arm swings, one up to so many times that of the tick before is taken as it is. */
+inline constexpr double kGrowth = 2.0;
+
+/** A reading that stays exactly what it is for so many ticks may be that of a sensor that is stuck. So may one that stops at once
+after as many ticks in each of which it moved by kMovingCounts and kMovingShare of its velocity limit: a joint that friction
+stops is slow before. */
 inline constexpr std::int64_t kStillTicks = 5;
+inline constexpr double kMovingCounts = 2.0, kMovingShare = 0.02;
+/** Where an encoder's count is not known [rad, m]. */
+inline constexpr double kUnknownCount = 5e-5;
 
 /** The largest change of each joint's position in a tick under these limits [rad, prismatic: m]; see kJumpSpeeds.
 @param bound  null: none
@@ -47,8 +55,12 @@ public:
         JointVector largestChange;     ///< of a position in a tick [rad, prismatic: m]
         JointVector largestSpeed;      ///< that a reading may say [rad/s, m/s]; infinite: any
         JointVector largestDeviation;  ///< of what stands in for a reading [rad, m]; infinite: any
+        JointVector count;             ///< of the encoders [rad, m]; > 0
+        JointVector moving;            ///< a step in a tick that is a motion [rad, m]
     };
 
+    /** Count and moving of a policy. */
+    static void setMotion(const RunSetup& setup, Policy& policy);
     /** From a start at which the arm is the nominal one. */
     void begin(const Policy& policy, const JointVector& start);
     /** From now on a change in a tick up to `change` is a motion, too. */
@@ -69,13 +81,16 @@ public:
 
     /** How far the nominal joint has gone since the reading changed last; 0 where that is less than kStillTicks ago [rad, m]. */
     double findStillTravel(int joint) const;
+    /** The joint moved, and its reading stopped at once, though the nominal joint goes on: it is not known for how long. */
+    bool isSuspect(int joint) const;
+    std::int64_t stillTicks(int joint) const { return still_[static_cast<std::size_t>(joint)]; }
     /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
     before, in so many ticks. */
     void disownStill(int joint, int ticks);
     /** They were wrong since the deviation was that: it stands in for them. */
     void disown(int joint, double deviation) { goal_[joint] = deviation_[joint] = deviation; }
     /** Whether the last reading of a joint was that before it, to the last bit. */
-    bool isStill(int joint) const { return still_[static_cast<std::size_t>(joint)] > 0; }
+    bool isStill(int joint) const { return stillTicks(joint) > 0; }
     /** The deviation when the reading of a joint changed last [rad, m]. */
     double changedDeviation(int joint) const { return changedDeviation_[joint]; }
 
@@ -84,10 +99,10 @@ public:
 
 private:
     Policy policy_;
-    JointVector last_, deviation_;
+    JointVector last_, lastStep_, deviation_;
     JointVector changedDeviation_;  // at the last tick in which the reading changed
     JointVector goal_, step_;       // where deviation_ goes while standing in, by how much a tick
-    std::array<std::int64_t, kMaxJoints> still_{};
+    std::array<std::int64_t, kMaxJoints> still_{}, moving_{};  // ticks
     std::int64_t elapsed_ = 1;  // ticks since the last good reading
 };
 

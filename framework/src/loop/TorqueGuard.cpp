@@ -119,14 +119,16 @@ public:
 class TorqueGuard::Arm : public RealPlant {
 public:
     /** From a start on; one entry per joint. @param deviation, speed  see TorqueGuardOptions */
-    void begin(const RobotDescription& robot, double tick_s, const JointVector& deviation, const JointVector& speed,
-               TorqueSender& sender) {
+    void begin(const RunSetup& setup, const JointVector& deviation, const JointVector& speed, TorqueSender& sender) {
+        const RobotDescription& robot = setup.robot;
+        const double tick_s = setup.tick_s;
         n_ = robot.size();
         sender_ = &sender;
         torqueLimit_ = robot.actuation.torqueLimit;
         policy_ = {SensorCheck::Reference::NominalMotion, {}, speed, deviation};
         for (int i = 0; i < n_; ++i) policy_.largestSpeed[i] += kCounts * robot.encoderStep(i) / tick_s;
         policy_.largestChange = policy_.largestSpeed * tick_s;
+        SensorCheck::setMotion(setup, policy_);
     }
 
     void configure(const RunSetup&, const Parameters&) override {}
@@ -320,7 +322,7 @@ struct TorqueGuard::Inside {
             options.robustGains.reset();
         }
         const JointVector unlimited = JointVector::Constant(robot.size(), kInfinity);
-        arm.begin(robot, tick_s, unlimited, unlimited, *sender);
+        arm.begin(setup, unlimited, unlimited, *sender);
         LoopPlugins plugins;
         plugins.command = lend<CommandSource>(noCommand);
         plugins.controller = lend<NominalController>(law);
@@ -385,7 +387,7 @@ void TorqueGuard::Inside::start(const JointState& measured) {
                        ? (*options.largestSpeed)[i]
                        : 2.0 * std::max({-axis.velocityLower, axis.velocityUpper, std::abs(measured.qd[i])});
     }
-    arm.begin(robot, setup.tick_s, options.largestDeviation.expand(n), speed, *sender);
+    arm.begin(setup, options.largestDeviation.expand(n), speed, *sender);
     loop->reset();
     record = {};
     ownReason = GuardStop::None;

@@ -30,7 +30,10 @@ cases: {A: {}}
 struct Extremes {
     double torque = 0.0;    ///< of a motor beyond the nominal demand, as a share of its limit
     double speed = 0.0;     ///< of a real joint, as a share of its velocity limit
+    int joint = 0;          ///< that one
+    double time_s = 0.0;    ///< then
     double endSpeed = 0.0;  ///< of the fastest joint at the end [rad/s]
+    char text[400] = "";
     bool stopped = false;
     bool brokeLimits = false;
 };
@@ -39,23 +42,31 @@ Extremes run(const std::vector<std::string>& overrides) {
     const CasePlan plan = readTestExperiment(kSteps, overrides).cases.front();
     auto configured = configureCase(plan);
     CaseResult result = makeResult(*configured);
-    ControlLoop loop(configured->setup, std::move(configured->plugins),
-                     RealArmOptions{nullptr, plan.feedsExternalTorque, true, false, true, configured->motorRate});
+    RealArmOptions options;
+    options.watchesFollowing = options.limitsAuthority = true;
+    options.motorRate = configured->motorRate;
+    ControlLoop loop(configured->setup, std::move(configured->plugins), options);
     Extremes found;
     TickRecord record;
     const auto ticks = static_cast<int>(std::lround(plan.duration_s / plan.tick_s));
     const JointVector& fastest = plan.limits.velocity.upper;
-    for (int k = 0; k < ticks; ++k) {
+    for (int k = 0; k < ticks && !loop.hasStopped(); ++k) {  // as a run: then brakes hold
         loop.tick(record);
         result.summary.add(record);
         for (int i = 0; i < plan.robot.size(); ++i) {
             found.torque = std::max(found.torque, std::abs(record.motorTorque[i] - record.filterTorque[i]) /
                                                       plan.robot.actuation.torqueLimit[i]);
-            found.speed = std::max(found.speed, std::abs(record.actual.qd[i]) / fastest[i]);
+            const double speed = std::abs(record.actual.qd[i]) / fastest[i];
+            if (speed > found.speed) {
+                found.speed = speed;
+                found.joint = i;
+                found.time_s = record.time_s;
+            }
         }
         found.endSpeed = record.actual.qd.cwiseAbs().maxCoeff();
     }
     found.stopped = loop.isStopping();
+    std::snprintf(found.text, sizeof found.text, "joint %d at %.3f, stop %.3f: %s", found.joint, found.time_s, loop.stopTime(), loop.stopMessage());
     found.brokeLimits = result.summary.anyLimitBroken();
     return found;
 }
@@ -76,7 +87,7 @@ TEST(Fault91, AJointThatIsHeldGetsNoMoreThanItsAuthorityAndIsNotThrown) {
                         ", blocked_until_s: " + std::to_string(from + 2.0) + "}");
             const Extremes found = run(o);
             std::printf("  %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end%s\n", robot,
-                        found.torque, found.speed, found.endSpeed, found.stopped ? ", stopped" : "");
+                        found.torque, found.speed, found.endSpeed, found.text), std::printf("%s %s\n", o[2].c_str(), o.back().c_str());
             EXPECT_LE(found.torque, 0.55) << o.back();  // friction in motion comes on top
             EXPECT_LE(found.speed, 1.1) << o.back();
             EXPECT_LE(found.endSpeed, 1e-2) << o.back();
@@ -99,7 +110,7 @@ TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
                     ", sensor_fault_from_s: " + std::to_string(from) + "}");
                 const Extremes found = run(o);
                 std::printf("  %s %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end%s\n", robot,
-                            fault, found.torque, found.speed, found.endSpeed, found.stopped ? ", stopped" : "");
+                            fault, found.torque, found.speed, found.endSpeed, found.text), std::printf("%s %s\n", o[2].c_str(), o.back().c_str());
                 EXPECT_LE(found.speed, fault == std::string("stuck") ? 1.5 : 1.25) << o.back();
                 EXPECT_LE(found.endSpeed, 1e-2) << o.back();
                 EXPECT_FALSE(found.brokeLimits) << o.back();
