@@ -144,9 +144,9 @@ void addPush(const ConfiguredCase& configured, CaseForecast& forecast) {
     const CasePlan& plan = configured.plan;
     if (!plan.robustLoop || plan.robustLoop->acceptsUnstable) return;
     const std::optional<LinearErrorLoop> law = configured.plugins.robustLoop->traits().errorLoop;
-    const detail::Authority authority(
-        configured.setup, detail::calcAuthority(configured.setup, law ? &*law : nullptr,
-                                                configured.bound ? &*configured.bound : nullptr));
+    const detail::Authority authority(configured.setup,
+                                      detail::calcAuthority(configured.setup, law ? &*law : nullptr,
+                                                            configured.bound ? &*configured.bound : nullptr));
     Dynamics dynamics;
     RobotModel(plan.robot).calcDynamics(plan.start.q, plan.start.qd, dynamics);
     forecast.push = "the robust loop adds " + detail::tellPush(plan.robot, authority, dynamics.J) + " at the start";

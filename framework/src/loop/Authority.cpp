@@ -59,8 +59,7 @@ Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
       sizes_(std::move(sizes)),
       figures_(setup.robot.actuation.friction),
       fastest_(setup.limits.velocity),
-      least_(n_),
-      backTicks_(std::max(2, static_cast<int>(kTakeBack_s / setup.tick_s))) {
+      least_(n_) {
     constexpr double kCounts = 4.0;
     for (int i = 0; i < n_; ++i) least_[i] = kCounts * setup.robot.encoderStep(i) / tick_s_;
     reset();
@@ -68,12 +67,13 @@ Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
 
 void Authority::reset() {
     for (JointVector* v :
-         {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &deviation_,
-          &goodDeviation_, &firstError_, &base_, &impulse_, &last_, &excess_, &owed_, &impliedSpeed_, &impliedTravel_})
+         {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &deviation_, &goodDeviation_,
+          &firstError_, &base_, &impulse_, &last_, &excess_, &owed_, &impliedSpeed_, &impliedTravel_})
         v->setZero(n_);
     cutTicks_.fill(0);
     cutSide_.fill(0);
     backTick_.fill(0);
+    backTicks_.fill(0);
     isHeld_.fill(false);
     isNear_.fill(true);
     isPressed_.fill(false);
@@ -152,7 +152,8 @@ bool Authority::cut(JointVector& torque) {
                                         : std::min(0.0, given - lowest_[i] - sizes_.reach[i]);
         isPressed_[at] = std::abs(push) > kPressing * sizes_.reach[i];
         if (side != 0) {
-            isHeld_[at] = isChanged = true;
+            isChanged = true;
+            isHeld_[at] = isHeld_[at] || cutTicks_[at] >= answerTicks_;  // noise is cut, too, but not for long
             continue;
         }
         isHeld_[at] = isHeld_[at] && !isNear_[at];
@@ -168,9 +169,10 @@ bool Authority::cut(JointVector& torque) {
 of it. */
 double Authority::calcOpen(int joint) {
     int& tick = backTick_[index(joint)];
-    if (tick >= backTicks_) return lasting_[joint];
-    const double half = 0.5 * backTicks_, k = ++tick;
-    const double weight = (k <= half ? k : backTicks_ - k) / (half * half);
+    const int ticks = backTicks_[index(joint)];
+    if (tick >= ticks) return lasting_[joint];
+    const double half = 0.5 * ticks, k = ++tick;
+    const double weight = (k <= half ? k : ticks - k) / (half * half);
     const double back = excess_[joint] * std::max(0.0, 1.0 - k / half) - owed_[joint] * weight;
     return std::clamp(lasting_[joint] + back, std::min(lowest_[joint], lasting_[joint]),
                       std::max(highest_[joint], lasting_[joint]));
@@ -201,9 +203,16 @@ void Authority::open(int joint) {
     isOpen_[at] = true;
     isHeld_[at] = isPressed_[at] = isDeaf_[at] = false;
     cutTicks_[at] = backTick_[at] = 0;
-    const double half = 0.5 * backTicks_;
     excess_[joint] = last_[joint] - lasting_[joint];
-    owed_[joint] = impulse_[joint] + 0.5 * (half - 1.0) * (last_[joint] - base_[joint]);  // with what the way down adds
+    const double pushed = last_[joint] - base_[joint];
+    // A triangle of 2 `half` ticks has the peak owed / half. The way down adds to what is owed.
+    double half = 0.5 * std::max(2.0, kTakeBack_s / tick_s_);
+    const double most = kTakeBackShare * sizes_.reach[joint];
+    if (std::isfinite(most) && most > 0.0)
+        half = std::clamp(std::abs(impulse_[joint]) / most, half, kLasting_s / tick_s_);
+    half = std::max(1.0, std::floor(half));
+    owed_[joint] = impulse_[joint] + 0.5 * (half - 1.0) * pushed;
+    backTicks_[at] = 2 * static_cast<int>(half);
 }
 
 Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) {

@@ -13,10 +13,10 @@ namespace viable::detail {
 
 /** How much a robust loop may add to the torques that move the nominal arm; one entry per joint. */
 struct AuthoritySizes {
-    JointVector reach;       ///< besides friction and what lasts [Nm]; infinite: any
-    JointVector lasting;     ///< most that it may need all the time, as for a payload; 0 where `reach` has it [Nm]
-    double friction = 0.0;   ///< factor on the robot's figures: may be made up for at the real velocity; 0 likewise
-    JointVector kp;          ///< of its law [1/s]; zero: not known
+    JointVector reach;      ///< besides friction and what lasts [Nm]; infinite: any
+    JointVector lasting;    ///< most that it may need all the time, as for a payload; 0 where `reach` has it [Nm]
+    double friction = 0.0;  ///< factor on the robot's figures: may be made up for at the real velocity; 0 likewise
+    JointVector kp;         ///< of its law [1/s]; zero: not known
 };
 
 /** The sizes for an arm and its loop.
@@ -38,7 +38,7 @@ f is friction at the real joint's velocity (both ways Coulomb friction), smoothe
 in the last kLasting_s beyond the friction figures; it stands still while the joint's torque is cut. What is not cut is
 not changed in a bit.
 
-A joint that was cut is let go without a throw: until it is near again the loop sees it no farther away than its law
+A joint that was cut for kAnswerTicks is let go without a throw: until it is near again the loop sees it no farther away than its law
 answers with a velocity kFastReturn times the limit.
 
 It also tells a joint that does not answer: the loop pushes it with all it may, and its velocity error does not shrink. An
@@ -53,8 +53,8 @@ public:
     static constexpr int kAnswerTicks = 5, kSlowAnswer = 4;
     /** A joint that is pressed with more than this share of its reach, and stands exactly still, does not answer. */
     static constexpr double kPressing = 0.5;
-    /** What was pushed in vain is taken back in this time [s]. */
-    static constexpr double kTakeBack_s = 0.025;
+    /** What was pushed in vain is taken back in this time [s], or with this share of the reach where that takes longer. */
+    static constexpr double kTakeBack_s = 0.025, kTakeBackShare = 0.5;
     /** Slower than this a joint is not sure to move, and dry friction may act either way [rad/s, m/s]. */
     static constexpr double kStandstill = 0.02;
 
@@ -122,8 +122,7 @@ private:
     JointVector base_, impulse_, last_;  // torque before [Nm], pushed since then [Nm ticks], in the tick before [Nm]
     // Of an open joint: torque beyond d, and impulse that is owed, at the beginning.
     JointVector excess_, owed_;
-    std::array<int, kMaxJoints> backTick_{};
-    int backTicks_ = 0;
+    std::array<int, kMaxJoints> backTick_{}, backTicks_{};  // now, and of all the way
 };
 
 /** Largest force that joints pushed with those torques, each up to its own [Nm], press the tool with along x, y and z of the

@@ -56,7 +56,8 @@ constexpr char kOnDrift[] =
     "robust_loop.";
 
 constexpr char kOnWithheld[] =
-    "Something holds the arm, pushes it or loads it more than the robust loop may make up for (`viable gains` tells how "
+    "Something holds the arm, pushes it or loads it more than the robust loop may make up for (`viable gains` tells "
+    "how "
     "much): a quarter of the motor, or what a `disturbance_set` with that payload or push asks for.";
 
 constexpr char kOnLeftLimits[] =
@@ -88,8 +89,7 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealA
     VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
     if (plugins_.robustLoop && options_.limitsAuthority) {
         const std::optional<LinearErrorLoop> law = plugins_.robustLoop->traits().errorLoop;
-        authority_ =
-            detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
+        authority_ = detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
     }
     reset();
 }
@@ -224,9 +224,10 @@ void ControlLoop::checkAnswers() {
         const bool isLong = sensors_.stillTicks(i) >= kStillTicks;
         // Without a figure of dry friction nobody knows what a joint that stands takes.
         const double visible = setup_.robot.actuation.friction.coulomb[i] > 0.0 ? count
-                               : setup_.robot.slides(i)                        ? kVisible_m
-                                                                               : kVisible_rad;
-        const bool isStill = (isSuspect && isLong) || (authority_.isPressed(i) && sensors_.findStillTravel(i) > count) ||
+                               : setup_.robot.slides(i)                         ? kVisible_m
+                                                                                : kVisible_rad;
+        const bool isStill = (isSuspect && isLong) ||
+                             (authority_.isPressed(i) && sensors_.findStillTravel(i) > count) ||
                              (std::abs(authority_.impliedTravel(i)) > visible && sensors_.findStillTravel(i) > count);
         if (isSuspect && !isStill) {  // until that is known, it is not pushed
             plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
@@ -238,11 +239,11 @@ void ControlLoop::checkAnswers() {
         sensors_.standIn(i, nominal(), plausible_);
         authority_.open(i);
         char message[LoopStatus::kMessageSize];
-        std::snprintf(message, sizeof message,
-                      "%.60s does not answer its motor (at most %.3g %s were added): its reading %s",
-                      getJointName(setup_.robot, i), authority_.calcRest(i), setup_.robot.slides(i) ? "N" : "Nm",
-                      isStill ? "stands still, so its encoder is stuck or the joint is held"
-                              : "does not follow, so its encoder is wrong or something stronger holds or pushes the arm");
+        std::snprintf(
+            message, sizeof message, "%.60s does not answer its motor (at most %.3g %s were added): its reading %s",
+            getJointName(setup_.robot, i), authority_.calcRest(i), setup_.robot.slides(i) ? "N" : "Nm",
+            isStill ? "stands still, so its encoder is stuck or the joint is held"
+                    : "does not follow, so its encoder is wrong or something stronger holds or pushes the arm");
         loop_.beginStop(StopReason::NotFollowing, message, kOnStillness);
         holdIntegral();
     }
@@ -293,8 +294,8 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         releaseToRobot();
         return;
     }
-    const detail::FollowingWatch::Violation found =
-        following_.update(plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_, authority_}, elapsedTicks);
+    const detail::FollowingWatch::Violation found = following_.update(
+        plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_, authority_}, elapsedTicks);
     if (found.cause == Cause::None) return;
     drifts_ = found.cause == Cause::Drift;
     isTrackingLost_ = true;
@@ -302,12 +303,12 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(found.joint));
     char message[LoopStatus::kMessageSize];
     if (found.cause == Cause::Oscillation && found.motor >= 0) {
-        std::snprintf(
-            message, sizeof message,
-            "the real arm oscillates: the robust loop drives the motor of %.60s %s and back, "
-            "and its torque changes sign every %.3g ms or faster",
-            getJointName(setup_.robot, found.motor),
-            found.isWithheld ? "to the most that it may add" : "into its torque limit", 1e3 * following_.halfPeriod());
+        std::snprintf(message, sizeof message,
+                      "the real arm oscillates: the robust loop drives the motor of %.60s %s and back, "
+                      "and its torque changes sign every %.3g ms or faster",
+                      getJointName(setup_.robot, found.motor),
+                      found.isWithheld ? "to the most that it may add" : "into its torque limit",
+                      1e3 * following_.halfPeriod());
         endRobustLoop(true);
     } else if (found.cause == Cause::Oscillation) {
         std::snprintf(message, sizeof message,
@@ -325,11 +326,10 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
                             "is asked of it)"
                           : "no motor is at its torque limit");
         if (found.motor >= 0)
-            std::snprintf(
-                motor, sizeof motor, "the motor of %.60s %s", getJointName(setup_.robot, found.motor),
-                found.cause == Cause::Saturation ? "is at its torque limit"
-                : found.cause == Cause::Withheld ? "gets the most that the robust loop may add"
-                                                 : "gives less torque than is asked of it");
+            std::snprintf(motor, sizeof motor, "the motor of %.60s %s", getJointName(setup_.robot, found.motor),
+                          found.cause == Cause::Saturation ? "is at its torque limit"
+                          : found.cause == Cause::Withheld ? "gets the most that the robust loop may add"
+                                                           : "gives less torque than is asked of it");
         std::snprintf(message, sizeof message,
                       "the real arm does not follow: %.60s is %.4g %s from its nominal place (at most %.4g %s), and %s",
                       joint, found.error, unit, found.allowed, unit, motor);

@@ -133,8 +133,9 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
         const bool pushing = pushesToAndFro(i, torques.asked[i], torques.robust[i], isCut) &&
                              saturation_[i] + weakness_[i] + withheld_[i] >= kPushedShare;
         if ((swinging || pushing) && violation.cause == Cause::None)
-            violation = {Cause::Oscillation, i, swinging ? -1 : i, swings_[static_cast<std::size_t>(i)].last,
-                         fastest_[i], withheld_[i] > saturation_[i]};
+            violation = {Cause::Oscillation, i,
+                         swinging ? -1 : i,  swings_[static_cast<std::size_t>(i)].last,
+                         fastest_[i],        withheld_[i] > saturation_[i]};
     }
     if (violation.cause != Cause::None) return violation;
     double worst = 1.0;

@@ -56,7 +56,7 @@ public:
         Cause cause = Cause::None;
         int joint = -1, motor = -1;
         double error = 0.0, allowed = 0.0;  ///< of the position [rad]; of an oscillation: of the velocity [rad/s]
-        bool isWithheld = false;            ///< of an oscillation: the end of the loop's authority, not the motor's limit
+        bool isWithheld = false;  ///< of an oscillation: the end of the loop's authority, not the motor's limit
     };
     /** The motors' torques in the tick before [Nm]. */
     struct Torques {
@@ -103,7 +103,7 @@ private:
     double tick_s_ = 0.0;
     std::int64_t tick_ = 0;
     JointVector allowedError_, fastest_, leastSwing_, leastTravel_, torqueLimit_;
-    JointVector leastError_, largestError_;  // bounds of allowedError_
+    JointVector leastError_, largestError_;         // bounds of allowedError_
     JointVector saturation_, weakness_, withheld_;  // share of the recent ticks, smoothed
     std::array<Swing, kMaxJoints> swings_{};
     std::array<Push, kMaxJoints> pushes_{};

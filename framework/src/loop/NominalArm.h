@@ -47,11 +47,11 @@ public:
     /** What the command is asked for next: the loop's time less the pauses [s]. */
     double commandTime() const;
 
-    const MotionState& state() const { return state_; }    ///< before advance(): at the tick's beginning
+    const MotionState& state() const { return state_; }     ///< before advance(): at the tick's beginning
     const Dynamics& dynamics() const { return dynamics_; }  ///< of the last tick that decided
-    const HeldMotion& motion() const { return motion_; }   ///< of the last decision
-    const JointLimits& limits() const { return limits_; }  ///< in force
-    bool hasNewLimits() const { return hasNewLimits_; }    ///< since this tick
+    const HeldMotion& motion() const { return motion_; }    ///< of the last decision
+    const JointLimits& limits() const { return limits_; }   ///< in force
+    bool hasNewLimits() const { return hasNewLimits_; }     ///< since this tick
     /** `after_s` after state(), on the stop held ready, one that holds jerks. */
     void calcStop(double after_s, MotionState& state) const { monitor_.calcStop(state_, after_s, state); }
 

@@ -13,10 +13,10 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
             std::max({-limits.velocity.lower[i], limits.velocity.upper[i], std::abs(setup.start.qd[i])});
         const bool slides = setup.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
         const double explained =
-            bound    ? (speed + bound->velocity[i]) * setup.tick_s + 2.0 * (bound->measured[i] - bound->position[i])
+            bound ? (speed + bound->velocity[i]) * setup.tick_s + 2.0 * (bound->measured[i] - bound->position[i])
             : authority.limits(i) ? 0.0
-            : slides ? kLeastJump_m
-                     : kLeastJumpTurns * 2.0 * kPi;
+            : slides              ? kLeastJump_m
+                                  : kLeastJumpTurns * 2.0 * kPi;
         largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + kJumpCounts * setup.robot.encoderStep(i), explained);
     }
     return largest;

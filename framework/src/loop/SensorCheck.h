@@ -103,7 +103,7 @@ private:
     JointVector changedDeviation_;  // at the last tick in which the reading changed
     JointVector goal_, step_;       // where deviation_ goes while standing in, by how much a tick
     std::array<std::int64_t, kMaxJoints> still_{}, moving_{};  // ticks
-    std::int64_t elapsed_ = 1;  // ticks since the last good reading
+    std::int64_t elapsed_ = 1;                                 // ticks since the last good reading
 };
 
 }  // namespace viable

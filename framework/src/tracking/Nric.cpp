@@ -16,6 +16,9 @@ namespace viable {
 
 namespace {
 
+/** Noise of an encoder is withheld for fewer ticks in a row, now to this side, now to that: it is no reason to hold the sum. */
+constexpr int kWithheldTicks = 3;
+
 /** The numbers of `n` joints. */
 JointVector expand(const PerJoint& values, const std::string& place, const char* what, int n) {
     if (!values.fits(n))
@@ -167,10 +170,19 @@ void Nric::setGain(const JointVector& q) {
 
 /** What the host added in the tick before: rates count from there. */
 void Nric::takeGiven(const JointVector& given) {
-    withheld_.fill(0);
-    if (!isFinite(given, n_) || given == lastTorque_) return;
-    for (int i = 0; i < n_; ++i)
-        withheld_[static_cast<std::size_t>(i)] = lastTorque_[i] > given[i] ? 1 : lastTorque_[i] < given[i] ? -1 : 0;
+    if (!isFinite(given, n_) || given == lastTorque_) {
+        withheld_.fill(0);
+        return;
+    }
+    for (int i = 0; i < n_; ++i) {
+        int& ticks = withheld_[static_cast<std::size_t>(i)];
+        if (lastTorque_[i] > given[i])
+            ticks = std::max(0, ticks) + 1;
+        else if (lastTorque_[i] < given[i])
+            ticks = std::min(0, ticks) - 1;
+        else
+            ticks = 0;
+    }
     lastMotorTorque_ += given - lastTorque_;
     lastTorque_ = given;
 }
@@ -209,7 +221,11 @@ TickStatus Nric::compute(const JointState& real, const MotionState& nominal, con
     const JointVector growth = grown - bounded;
     for (int i = 0; i < n_; ++i) {
         const double possible = cut(i, wanted[i]);
-        const int side = wanted[i] > possible ? 1 : wanted[i] < possible ? -1 : withheld_[static_cast<std::size_t>(i)];
+        const int withheld = withheld_[static_cast<std::size_t>(i)];
+        const int side = wanted[i] > possible                  ? 1
+                         : wanted[i] < possible                ? -1
+                         : std::abs(withheld) < kWithheldTicks ? 0
+                                                               : withheld;
         if (side == 0) continue;
         // What grows pushes this joint's torque into what cuts it, or away from it.
         for (int j = 0; j < n_; ++j) {

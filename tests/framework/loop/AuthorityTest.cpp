@@ -30,7 +30,8 @@ protected:
         authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
     }
     /** One tick. Returns what is left of the torque. */
-    JointVector tick(const JointVector& wanted, const JointState& real, const MotionState& nominal, bool isStill = false) {
+    JointVector tick(const JointVector& wanted, const JointState& real, const MotionState& nominal,
+                     bool isStill = false) {
         seen_ = real;
         authority_.update(nominal, seen_);
         JointVector torque = wanted;
@@ -102,7 +103,7 @@ TEST_F(AuthorityTest, AJointThatWasHeldIsPulledBackNoFasterThanItMayMove) {
     const JointState away{pair(-1.0, 0.0), pair(0.0, 0.0)};
     tick(pair(5.0, 0.0), away, rest_);
     EXPECT_EQ(seen_.q, away.q) << "nothing was cut yet";
-    tick(pair(1e4, 0.0), away, rest_);
+    for (int k = 0; k < 5; ++k) tick(pair(1e4, 0.0), away, rest_);
     MotionState nominal = rest_;
     for (const double speed : {0.0, 1.0, -2.0}) {
         nominal.qd[0] = speed;
@@ -148,7 +149,7 @@ TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackInFullAndWithoutAStep) {
         largestStep = std::max(largestStep, std::abs(torque - last));
         last = torque;
     }
-    EXPECT_NEAR(impulse, 0.0, 0.6);  // of some 66 Nm ticks
+    EXPECT_NEAR(impulse, 0.0, 0.6);      // of some 66 Nm ticks
     EXPECT_LE(largestStep, 0.2 * 11.0);  // of the push
     EXPECT_NEAR(last, 2.0, 1e-6);
 }

@@ -28,7 +28,7 @@ cases: {A: {}}
 )";
 
 struct Extremes {
-    double torque = 0.0;    ///< of a motor beyond the nominal demand, as a share of its limit
+    double beyond = 0.0;    ///< of a motor beyond the nominal demand while a joint is at rest, as a share of its limit
     double speed = 0.0;     ///< of a real joint, as a share of its velocity limit
     int joint = 0;          ///< that one
     double time_s = 0.0;    ///< then
@@ -38,7 +38,8 @@ struct Extremes {
     bool brokeLimits = false;
 };
 
-Extremes run(const std::vector<std::string>& overrides) {
+/** @param held  the speed of this joint alone: the others are thrown when one stops at once; -1: of all */
+Extremes run(const std::vector<std::string>& overrides, int held = -1) {
     const CasePlan plan = readTestExperiment(kSteps, overrides).cases.front();
     auto configured = configureCase(plan);
     CaseResult result = makeResult(*configured);
@@ -54,10 +55,13 @@ Extremes run(const std::vector<std::string>& overrides) {
         loop.tick(record);
         result.summary.add(record);
         for (int i = 0; i < plan.robot.size(); ++i) {
-            found.torque = std::max(found.torque, std::abs(record.motorTorque[i] - record.filterTorque[i]) /
-                                                      plan.robot.actuation.torqueLimit[i]);
+            const bool rests =
+                std::abs(record.actual.qd[i]) < 1e-3;  // else twice the friction of its motion comes on top
+            if (rests && (held < 0 || i == held))
+                found.beyond = std::max(found.beyond, std::abs(record.motorTorque[i] - record.filterTorque[i]) /
+                                                          plan.robot.actuation.torqueLimit[i]);
             const double speed = std::abs(record.actual.qd[i]) / fastest[i];
-            if (speed > found.speed) {
+            if (speed > found.speed && (held < 0 || i == held)) {
                 found.speed = speed;
                 found.joint = i;
                 found.time_s = record.time_s;
@@ -66,9 +70,16 @@ Extremes run(const std::vector<std::string>& overrides) {
         found.endSpeed = record.actual.qd.cwiseAbs().maxCoeff();
     }
     found.stopped = loop.isStopping();
-    std::snprintf(found.text, sizeof found.text, "joint %d at %.3f, stop %.3f: %s", found.joint, found.time_s, loop.stopTime(), loop.stopMessage());
+    std::snprintf(found.text, sizeof found.text, "joint %d at %.3f, stop %.3f: %s", found.joint, found.time_s,
+                  loop.stopTime(), loop.stopMessage());
     found.brokeLimits = result.summary.anyLimitBroken();
     return found;
+}
+
+void tell(const char* robot, const char* what, const Extremes& found, const std::vector<std::string>& o) {
+    std::printf("  %s %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end, %s\n", robot, what,
+                found.beyond, found.speed, found.endSpeed, found.text);
+    if (found.speed > 1.1) std::printf("    %s %s %s\n", o[1].c_str(), o[2].c_str(), o.back().c_str());
 }
 
 std::vector<std::string> on(const char* robot, const std::string& limits, std::mt19937& random) {
@@ -82,19 +93,19 @@ TEST(Fault91, AJointThatIsHeldGetsNoMoreThanItsAuthorityAndIsNotThrown) {
             std::vector<std::string> o =
                 on(robot, "{velocity_radps: 1.0, acceleration_radps2: 6, jerk_radps3: 40}", random);
             const double from = 0.5 + 1e-3 * static_cast<double>(random() % 2000);
-            o.push_back("real_plant={plugin: simbody, friction: robot, blocked_joint: " + std::to_string(random() % 4) +
+            const int joint = static_cast<int>(random() % 4);
+            o.push_back("real_plant={plugin: simbody, friction: robot, blocked_joint: " + std::to_string(joint) +
                         ", blocked_from_s: " + std::to_string(from) +
                         ", blocked_until_s: " + std::to_string(from + 2.0) + "}");
-            const Extremes found = run(o);
-            std::printf("  %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end%s\n", robot,
-                        found.torque, found.speed, found.endSpeed, found.text), std::printf("%s %s\n", o[2].c_str(), o.back().c_str());
-            EXPECT_LE(found.torque, 0.55) << o.back();  // friction in motion comes on top
+            const Extremes found = run(o, joint);
+            tell(robot, "held", found, o);
+            EXPECT_LE(found.beyond, 0.28) << o.back();  // a quarter, d, and friction of the motion before fades
             EXPECT_LE(found.speed, 1.1) << o.back();
-            EXPECT_LE(found.endSpeed, 1e-2) << o.back();
             EXPECT_FALSE(found.brokeLimits) << o.back();
         }
 }
 
+// The end is that of the nominal arm's stop: a robot's brakes hold it from there on.
 TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
     std::mt19937 random(2);
     for (const char* robot : {"indy7", "panda", "ur5e", "planar_two_link"})
@@ -109,12 +120,33 @@ TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
                     ", sensor_fault_rad: 0.2, sensor_fault_joint: " + std::to_string(random() % (isPlanar ? 1 : 5)) +
                     ", sensor_fault_from_s: " + std::to_string(from) + "}");
                 const Extremes found = run(o);
-                std::printf("  %s %s: %.3f of the motor, %.3f of the velocity limit, %.3g rad/s at the end%s\n", robot,
-                            fault, found.torque, found.speed, found.endSpeed, found.text), std::printf("%s %s\n", o[2].c_str(), o.back().c_str());
+                tell(robot, fault, found, o);
                 EXPECT_LE(found.speed, fault == std::string("stuck") ? 1.5 : 1.25) << o.back();
-                EXPECT_LE(found.endSpeed, 1e-2) << o.back();
                 EXPECT_FALSE(found.brokeLimits) << o.back();
             }
+}
+
+// Free motion with friction of 0.5 to 1.5 times the figures that sticks, a payload and noise that nobody told of.
+TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
+    std::mt19937 random(3);
+    const auto share = [&random](double least, double most) {
+        return std::to_string(least + (most - least) * static_cast<double>(random() % 1000) / 999.0);
+    };
+    for (const char* robot : {"indy7", "panda", "ur5e", "planar_two_link"})
+        for (int k = 0; k < test::countOf(4); ++k) {
+            const char* const all[] = {"{velocity_radps: 1.0, acceleration_radps2: 6, jerk_radps3: 40}",
+                                       "{velocity_radps: 0.2, acceleration_radps2: 2, jerk_radps3: 20}",
+                                       "{velocity_radps: 0.02, acceleration_radps2: 1, jerk_radps3: 40}"};
+            std::vector<std::string> o = on(robot, all[random() % 3], random);
+            const bool isPlanar = robot == std::string("planar_two_link");
+            o.push_back("real_plant={plugin: simbody, friction: robot, friction_scale: " + share(0.5, 1.5) +
+                        ", breakaway_ratio: " + share(1.0, 1.5) + ", payload_kg: " + share(0.0, isPlanar ? 0.5 : 2.0) +
+                        ", encoder_noise_rad: " + share(0.0, 2e-5) + ", seed: " + std::to_string(random() % 1000) +
+                        "}");
+            const Extremes found = run(o);
+            tell(robot, "free", found, o);
+            EXPECT_FALSE(found.stopped) << found.text << "\n" << o[1] << " " << o[2] << " " << o.back();
+        }
 }
 
 }  // namespace

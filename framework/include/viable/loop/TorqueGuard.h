@@ -27,10 +27,10 @@ struct TorqueGuardOptions {
     bool hasRobustLoop = true;
     /** Gains of the robust loop; none: those of scaleGains(), which every pose within the limits can carry. */
     std::optional<NricOptions> robustGains;
-    /** What the robust loop adds to a motor has an end: twice the friction of RobotDescription::actuation and, with that at
-    rest, a quarter of the torque limit; what it adds for longer than half a second, as for a payload, counts beside that,
-    up to as much again. So a joint that is held is not pushed with all that its motor has. A joint that does not answer
-    to that is stopped (TooFar). False: it may use all of the motor. */
+    /** The robust loop adds at most twice the friction of RobotDescription::actuation and, with that at rest, a quarter
+    of the torque limit. A load that lasts longer than half a second, such as a payload, counts beside that, up to as
+    much again. So a joint that is held is not pushed with all that its motor has. A joint that does not answer to that
+    stops the arm (TooFar). False: the loop may use all of the motor. */
     bool limitsAuthority = true;
     /** Farthest that a joint may be from its nominal one before the arm is stopped [rad, prismatic: m]; > 0,
     infinite: no limit. The robust loop pulls a joint beyond it back as if it were this far, and damps its speed as

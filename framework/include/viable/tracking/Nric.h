@@ -95,7 +95,7 @@ the error of the figures (MATH 10).
 Bounds: the integral's share of a joint's torque, |(K_r)_ii K_i integral|, ends at integralLimit, and at the motor's
 torque limit at the latest. Per tick tau_a changes by at most torqueRate x tick, from zero at the start. The sum tau_c +
 tau_a is kept inside the motor's torque limit, and changes by motorRate x tick per tick at most. While these cut the
-torque, or the host gave less than it was asked for, the integral does not grow further against that (it may shrink). If
+torque, the integral does not grow further against them (it may shrink). Nor does it while the host gives less. If
 nothing is cut, tau_a is that of eq. 7 to the last bit.
 Assumes: K_r dt < 2 x (joint inertia incl. the reflected rotor), else the sampled velocity loop is unstable. A
 torqueRate below K_r T / (2 x inertia) slows the loop down. A joint that was held while the loop pressed with T [Nm]
@@ -135,7 +135,7 @@ private:
     JointVector largestMotorStep_, lastMotorTorque_;  // for the sum tau_c + tau_a [Nm]
     JointVector integral_;                            // integral of e [rad s]
     JointVector lastTorque_;                          // tau_a of the tick before [Nm]
-    std::array<signed char, kMaxJoints> withheld_{};  // side to which the host gave less than that
+    std::array<int, kMaxJoints> withheld_{};          // ticks in a row that the host gave less; < 0: on the other side
     bool isIntegralHeld_ = false;
 };
 
