@@ -108,7 +108,7 @@ void Authority::listen(int joint, double velocityError) {
     const double worse = cutSide_[at] * (firstError_[joint] - velocityError);
     const double fastest = std::max(-fastest_.lower[joint], fastest_.upper[joint]);
     const double most = std::max(kWorse * (std::isfinite(fastest) ? fastest : 0.0), least_[joint]);
-    isDeaf_[at] = worse > most || (worse >= 0.0 && cutTicks_[at] >= kSlowAnswer * answerTicks_);
+    isDeaf_[at] = worse > most;
 }
 
 void Authority::update(const MotionState& nominal, JointState& real) {

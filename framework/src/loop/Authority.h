@@ -41,16 +41,16 @@ not changed in a bit.
 A joint that was cut for kAnswerTicks is let go without a throw: until it is near again the loop sees it no farther away than its law
 answers with a velocity kFastReturn times the limit.
 
-It also tells a joint that does not answer: the loop pushes it with all it may, and its velocity error does not shrink. An
+It also tells a joint that does not answer: the loop pushes it with all it may, and its velocity error grows. An
 encoder is wrong then, or something is stronger. A joint whose readings are of no use is left to d (open()).
 Real time: no allocation, lock or throw after begin(). */
 class Authority {
 public:
-    static constexpr double kVelocity_s = 0.01, kLasting_s = 0.5, kFastReturn = 1.02;
+    static constexpr double kVelocity_s = 0.01, kLasting_s = 0.1, kFastReturn = 1.02;
     /** Of the velocity limit: a velocity error that grows by so much against the push is no answer. */
     static constexpr double kWorse = 0.1;
-    /** So many ticks, and a delay, are given for it. With no growth at all, so many times that. */
-    static constexpr int kAnswerTicks = 5, kSlowAnswer = 4;
+    /** So many ticks, and a delay, are given for it. */
+    static constexpr int kAnswerTicks = 5;
     /** A joint that is pressed with more than this share of its reach, and stands exactly still, does not answer. */
     static constexpr double kPressing = 0.5;
     /** What was pushed in vain is taken back in this time [s], or with this share of the reach where that takes longer. */
@@ -81,7 +81,7 @@ public:
     bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
     /** The joint is pushed by more than friction and d explain, so that it should move. */
     bool isPressed(int joint) const { return isPressed_[index(joint)]; }
-    /** Its velocity error does not shrink, though it is pushed with all there is. */
+    /** Its velocity error grows, though it is pushed with all there is. */
     bool isDeaf(int joint) const { return isDeaf_[index(joint)]; }
     /** How far the joint must have been pushed since its reading changed last, with what is beyond d and twice its dry friction
     [rad, m]. */

@@ -220,15 +220,15 @@ void ControlLoop::checkAnswers() {
         const auto at = static_cast<std::size_t>(i);
         if (!isPlausible_[at] || !authority_.limits(i)) continue;
         const double count = kJumpCounts * setup_.robot.encoderStep(i);
-        const bool isSuspect = sensors_.isSuspect(i);
+        const bool isSuspect = !options_.bound && sensors_.isSuspect(i);
         const bool isLong = sensors_.stillTicks(i) >= kStillTicks;
         // Without a figure of dry friction nobody knows what a joint that stands takes.
         const double visible = setup_.robot.actuation.friction.coulomb[i] > 0.0 ? count
                                : setup_.robot.slides(i)                         ? kVisible_m
                                                                                 : kVisible_rad;
-        const bool isStill = (isSuspect && isLong) ||
-                             (authority_.isPressed(i) && sensors_.findStillTravel(i) > count) ||
-                             (std::abs(authority_.impliedTravel(i)) > visible && sensors_.findStillTravel(i) > count);
+        const bool isImplied = !options_.bound && std::abs(authority_.impliedTravel(i)) > visible;
+        const bool isStill =
+            (isSuspect && isLong) || ((authority_.isPressed(i) || isImplied) && sensors_.findStillTravel(i) > count);
         if (isSuspect && !isStill) {  // until that is known, it is not pushed
             plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
             plausible_.qd[i] = nominal().qd[i];

@@ -128,10 +128,8 @@ TEST_F(AuthorityTest, AJointThatGoesTheOtherWayIsDeafAndOneThatComesIsNot) {
         if (acceleration < 0.0) EXPECT_LE(ticks, 10);
     }
     authority_.reset();
-    int ticks = 0;
-    for (; ticks < 100 && !authority_.isDeaf(0); ++ticks) tick(pair(1e3, 0.0), {pair(0, 0), pair(-1, 0)}, rest_);
-    EXPECT_GE(ticks, 20) << "one that does not move at all gets more time";
-    EXPECT_LE(ticks, 23);
+    for (int k = 0; k < 100; ++k) tick(pair(1e3, 0.0), {pair(0, 0), pair(-1, 0)}, rest_);
+    EXPECT_FALSE(authority_.isDeaf(0)) << "one that is held, or carries much, is no riddle";
 }
 
 TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackInFullAndWithoutAStep) {

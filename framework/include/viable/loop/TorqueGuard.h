@@ -28,7 +28,7 @@ struct TorqueGuardOptions {
     /** Gains of the robust loop; none: those of scaleGains(), which every pose within the limits can carry. */
     std::optional<NricOptions> robustGains;
     /** The robust loop adds at most twice the friction of RobotDescription::actuation and, with that at rest, a quarter
-    of the torque limit. A load that lasts longer than half a second, such as a payload, counts beside that, up to as
+    of the torque limit. A load that lasts longer than a tenth of a second, such as a payload, counts beside that, up to as
     much again. So a joint that is held is not pushed with all that its motor has. A joint that does not answer to that
     stops the arm (TooFar). False: the loop may use all of the motor. */
     bool limitsAuthority = true;
