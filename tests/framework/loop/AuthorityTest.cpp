@@ -56,7 +56,7 @@ TEST_F(AuthorityTest, ChangesNothingWhileNothingIsCut) {
     std::uniform_real_distribution<double> share(-1.0, 1.0);
     for (int k = 0; k < 2000; ++k) {
         const JointState real{pair(share(random), share(random)), pair(share(random), share(random))};
-        const JointVector wanted = pair(12.0 * share(random), 4.5 * share(random));
+        const JointVector wanted = pair(10.0 * share(random), 4.0 * share(random));
         EXPECT_EQ(tick(wanted, real, rest_), wanted);
         EXPECT_EQ(seen_.q, real.q);
         EXPECT_EQ(seen_.qd, real.qd);
