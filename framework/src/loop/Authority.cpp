@@ -54,21 +54,18 @@ AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop,
 
 Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
     : n_(setup.size()),
-      answerTicks_(kAnswerTicks + setup.delayTicks),
+      heldTicks_(kHeldTicks + setup.delayTicks),
       tick_s_(setup.tick_s),
       sizes_(std::move(sizes)),
+      torqueLimit_(setup.robot.actuation.torqueLimit),
       figures_(setup.robot.actuation.friction),
-      fastest_(setup.limits.velocity),
-      least_(n_) {
-    constexpr double kCounts = 4.0;
-    for (int i = 0; i < n_; ++i) least_[i] = kCounts * setup.robot.encoderStep(i) / tick_s_;
+      fastest_(setup.limits.velocity) {
     reset();
 }
 
 void Authority::reset() {
-    for (JointVector* v :
-         {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &deviation_, &goodDeviation_,
-          &firstError_, &base_, &impulse_, &last_, &excess_, &owed_, &impliedSpeed_, &impliedTravel_})
+    for (JointVector* v : {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &base_,
+                           &impulse_, &last_, &excess_, &owed_, &impliedSpeed_, &impliedTravel_})
         v->setZero(n_);
     cutTicks_.fill(0);
     cutSide_.fill(0);
@@ -77,7 +74,6 @@ void Authority::reset() {
     isHeld_.fill(false);
     isNear_.fill(true);
     isPressed_.fill(false);
-    isDeaf_.fill(false);
     isOpen_.fill(false);
 }
 
@@ -95,29 +91,11 @@ double Authority::calcRest(int joint) const {
     return sizes_.reach[joint] + calcFriction(joint, 0.0);
 }
 
-/** Whether a joint that is cut answers. */
-void Authority::listen(int joint, double velocityError) {
-    const std::size_t at = index(joint);
-    isDeaf_[at] = false;
-    if (cutTicks_[at] == 0) {
-        goodDeviation_[joint] = deviation_[joint];  // of the tick before: this one's may cause the cut
-        return;
-    }
-    if (cutTicks_[at] == 1) firstError_[joint] = velocityError;
-    if (cutTicks_[at] < answerTicks_) return;
-    const double worse = cutSide_[at] * (firstError_[joint] - velocityError);
-    const double fastest = std::max(-fastest_.lower[joint], fastest_.upper[joint]);
-    const double most = std::max(kWorse * (std::isfinite(fastest) ? fastest : 0.0), least_[joint]);
-    isDeaf_[at] = worse > most;
-}
-
 void Authority::update(const MotionState& nominal, JointState& real) {
     const double share = std::min(1.0, tick_s_ / kVelocity_s);
     for (int i = 0; i < n_; ++i) {
         const std::size_t at = index(i);
         const double error = real.q[i] - nominal.q[i];
-        listen(i, real.qd[i] - nominal.qd[i]);
-        deviation_[i] = error;
         velocity_[i] += share * (std::clamp(real.qd[i], fastest_.lower[i], fastest_.upper[i]) - velocity_[i]);
         frictionHighest_[i] = calcFriction(i, std::max(0.0, velocity_[i]));
         frictionLowest_[i] = -calcFriction(i, std::max(0.0, -velocity_[i]));
@@ -134,7 +112,7 @@ void Authority::update(const MotionState& nominal, JointState& real) {
     }
 }
 
-bool Authority::cut(JointVector& torque) {
+bool Authority::cut(const JointVector& nominal, JointVector& torque) {
     bool isChanged = false;
     for (int i = 0; i < n_; ++i) {
         const std::size_t at = index(i);
@@ -144,7 +122,10 @@ bool Authority::cut(JointVector& torque) {
             isChanged = true;
             continue;
         }
-        const double given = torque[i] = std::clamp(wanted, lowest_[i], highest_[i]);
+        const double beyondMotor = nominal[i] - std::clamp(nominal[i], -torqueLimit_[i], torqueLimit_[i]);
+        const double highest = highest_[i] + std::max(0.0, -beyondMotor),
+                     lowest = lowest_[i] - std::max(0.0, beyondMotor);
+        const double given = torque[i] = std::clamp(wanted, lowest, highest);
         const int side = wanted > given ? 1 : wanted < given ? -1 : 0;
         cutTicks_[at] = side == 0 ? 0 : side == cutSide_[at] ? cutTicks_[at] + 1 : 1;
         cutSide_[at] = side;
@@ -153,7 +134,7 @@ bool Authority::cut(JointVector& torque) {
         isPressed_[at] = std::abs(push) > kPressing * sizes_.reach[i];
         if (side != 0) {
             isChanged = true;
-            isHeld_[at] = isHeld_[at] || cutTicks_[at] >= answerTicks_;  // noise is cut, too, but not for long
+            isHeld_[at] = isHeld_[at] || cutTicks_[at] >= heldTicks_;  // noise is cut, too, but not for long
             continue;
         }
         isHeld_[at] = isHeld_[at] && !isNear_[at];
@@ -176,6 +157,12 @@ double Authority::calcOpen(int joint) {
     const double back = excess_[joint] * std::max(0.0, 1.0 - k / half) - owed_[joint] * weight;
     return std::clamp(lasting_[joint] + back, std::min(lowest_[joint], lasting_[joint]),
                       std::max(highest_[joint], lasting_[joint]));
+}
+
+double Authority::calcStep(int joint, double inertia) const {
+    constexpr double kLessInertia = 4.0;
+    if (!(inertia > 0.0)) return 0.0;
+    return kLessInertia * (sizes_.reach[joint] + frictionHighest_[joint]) / inertia * tick_s_ * tick_s_;
 }
 
 void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill,
@@ -201,7 +188,7 @@ void Authority::open(int joint) {
     const std::size_t at = index(joint);
     if (isOpen_[at]) return;
     isOpen_[at] = true;
-    isHeld_[at] = isPressed_[at] = isDeaf_[at] = false;
+    isHeld_[at] = isPressed_[at] = false;
     cutTicks_[at] = backTick_[at] = 0;
     excess_[joint] = last_[joint] - lasting_[joint];
     const double pushed = last_[joint] - base_[joint];

@@ -38,19 +38,17 @@ f is friction at the real joint's velocity (both ways Coulomb friction), smoothe
 in the last kLasting_s beyond the friction figures; it stands still while the joint's torque is cut. What is not cut is
 not changed in a bit.
 
-A joint that was cut for kAnswerTicks is let go without a throw: until it is near again the loop sees it no farther away than its law
+A joint that was cut for kHeldTicks is let go without a throw: until it is near again the loop sees it no farther away than its law
 answers with a velocity kFastReturn times the limit.
 
-It also tells a joint that does not answer: the loop pushes it with all it may, and its velocity error grows. An
-encoder is wrong then, or something is stronger. A joint whose readings are of no use is left to d (open()).
+It also tells how far a joint was pushed since its reading changed last. A joint whose readings are of no use is left to
+d (open()).
 Real time: no allocation, lock or throw after begin(). */
 class Authority {
 public:
     static constexpr double kVelocity_s = 0.01, kLasting_s = 0.1, kFastReturn = 1.02;
-    /** Of the velocity limit: a velocity error that grows by so much against the push is no answer. */
-    static constexpr double kWorse = 0.1;
-    /** So many ticks, and a delay, are given for it. */
-    static constexpr int kAnswerTicks = 5;
+    /** A joint that is cut for so many ticks, and a delay, is held. */
+    static constexpr int kHeldTicks = 5;
     /** A joint that is pressed with more than this share of its reach, and stands exactly still, does not answer. */
     static constexpr double kPressing = 0.5;
     /** What was pushed in vain is taken back in this time [s], or with this share of the reach where that takes longer. */
@@ -71,8 +69,12 @@ public:
 
     /** Takes what is known of the real arm now; before the loop is asked. A joint that is to be seen nearer is written so. */
     void update(const MotionState& nominal, JointState& real);
-    /** True where it changed something. */
-    bool cut(JointVector& torque);
+    /** True where it changed something. @param nominal  what moves the nominal arm: what the loop takes off that beyond a motor's
+    limit is no push [Nm] */
+    bool cut(const JointVector& nominal, JointVector& torque);
+    /** A change of the joint's position in a tick that its torque can make, four times over: its inertia may be less with the
+    other joints free [rad, m]. @param inertia  of the joint, the others held [kg m^2, kg] */
+    double calcStep(int joint, double inertia) const;
     /** What the motors really get of it, after all rates.
     @param isStill  the joint's reading is that of the tick before
     @param inertia  of the joint, the others held [kg m^2, kg] */
@@ -81,14 +83,10 @@ public:
     bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
     /** The joint is pushed by more than friction and d explain, so that it should move. */
     bool isPressed(int joint) const { return isPressed_[index(joint)]; }
-    /** Its velocity error grows, though it is pushed with all there is. */
-    bool isDeaf(int joint) const { return isDeaf_[index(joint)]; }
     /** How far the joint must have been pushed since its reading changed last, with what is beyond d and twice its dry friction
     [rad, m]. */
     double impliedTravel(int joint) const { return impliedTravel_[joint]; }
     bool isOpen(int joint) const { return isOpen_[index(joint)]; }
-    /** Deviation from the nominal joint before it was cut [rad, m]. */
-    double goodDeviation(int joint) const { return goodDeviation_[joint]; }
     /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
     without a step, and what the joint was pushed with in vain is taken back: that torque, and the momentum it made. */
     void open(int joint);
@@ -102,20 +100,17 @@ private:
     double calcFigure(int joint, double speed) const;
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);
-    void listen(int joint, double velocityError);
 
-    int n_ = 0, answerTicks_ = 0;
+    int n_ = 0, heldTicks_ = 0;
     double tick_s_ = 0.0;
     AuthoritySizes sizes_;
+    JointVector torqueLimit_;
     JointFriction figures_;
     JointBounds fastest_;
-    JointVector least_;  // change of a velocity error that is one [rad/s, m/s]
     JointVector velocity_, lasting_, lowest_, highest_;
     JointVector frictionLowest_, frictionHighest_;
-    JointVector deviation_, goodDeviation_;
-    JointVector firstError_;  // of the velocity, in the first tick that was cut
     std::array<int, kMaxJoints> cutTicks_{}, cutSide_{};
-    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isDeaf_{}, isOpen_{};
+    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isOpen_{};
 
     JointVector impliedSpeed_, impliedTravel_;  // since the reading changed last
     // Pushed in vain, as far as it is not known better.

@@ -212,8 +212,8 @@ bool ControlLoop::replaceStillReading(int joint) {
     return true;
 }
 
-/** Brakes an arm with a joint that does not answer its motor: a wrong encoder, or something that is stronger. Its readings
-are not taken as plausible any more, and what it was pushed with in vain is taken back. */
+/** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
+pushed with in vain is taken back. */
 void ControlLoop::checkAnswers() {
     if (hasFailed()) return;
     for (int i = 0; i < n_; ++i) {
@@ -233,17 +233,16 @@ void ControlLoop::checkAnswers() {
             plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
             plausible_.qd[i] = nominal().qd[i];
         }
-        if (!isStill && !authority_.isDeaf(i)) continue;
+        if (!isStill) continue;
         isPlausible_[at] = false;
-        sensors_.disown(i, isStill ? sensors_.changedDeviation(i) : authority_.goodDeviation(i));
+        sensors_.disown(i, sensors_.changedDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
         authority_.open(i);
         char message[LoopStatus::kMessageSize];
-        std::snprintf(
-            message, sizeof message, "%.60s does not answer its motor (at most %.3g %s were added): its reading %s",
-            getJointName(setup_.robot, i), authority_.calcRest(i), setup_.robot.slides(i) ? "N" : "Nm",
-            isStill ? "stands still, so its encoder is stuck or the joint is held"
-                    : "does not follow, so its encoder is wrong or something stronger holds or pushes the arm");
+        std::snprintf(message, sizeof message,
+                      "%.60s does not answer its motor (at most %.3g %s were added): its reading stands still, so its "
+                      "encoder is stuck or the joint is held",
+                      getJointName(setup_.robot, i), authority_.calcRest(i), setup_.robot.slides(i) ? "N" : "Nm");
         loop_.beginStop(StopReason::NotFollowing, message, kOnStillness);
         holdIntegral();
     }
@@ -376,6 +375,9 @@ void ControlLoop::checkReading() {
     sensors_.miss(ticksSinceReading_ - 1);
     ticksSinceReading_ = 1;
     std::array<bool, kMaxJoints> isExplained{};
+    if (const JointMatrix& M = nominalArm_.dynamics().M; M.rows() == n_)
+        for (int i = 0; i < n_; ++i)
+            if (authority_.limits(i)) sensors_.allow(i, authority_.calcStep(i, M(i, i)));
     for (int i = 0; i < n_; ++i) isExplained[static_cast<std::size_t>(i)] = sensors_.isPlausible(i, real_, nominal());
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
@@ -447,7 +449,7 @@ bool ControlLoop::askRobustLoop() {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
-        if (authority_.cut(robustTorque_)) limitRates(lastRobust, lastMotorTorque_);
+        if (authority_.cut(motorTorque_, robustTorque_)) limitRates(lastRobust, lastMotorTorque_);
         return true;
     }
     loop_.beginStop(StopReason::RobustLoopFailed,

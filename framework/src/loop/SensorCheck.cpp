@@ -36,7 +36,8 @@ void SensorCheck::setMotion(const RunSetup& setup, Policy& policy) {
 void SensorCheck::begin(const Policy& policy, const JointVector& start) {
     policy_ = policy;
     last_ = start;
-    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &lastStep_}) v->setZero(start.size());
+    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &lastStep_, &possible_})
+        v->setZero(start.size());
     still_.fill(0);
     moving_.fill(0);
     elapsed_ = 1;
@@ -51,7 +52,8 @@ double SensorCheck::calcChange(int joint, const JointState& reading, const Motio
 bool SensorCheck::isPlausible(int joint, const JointState& reading, const MotionState& nominal) const {
     return !(std::abs(reading.qd[joint]) > policy_.largestSpeed[joint]) &&
            !(calcChange(joint, reading, nominal) >
-             std::max(policy_.largestChange[joint] * static_cast<double>(elapsed_), kGrowth * lastStep_[joint]));
+             std::max(policy_.largestChange[joint] * static_cast<double>(elapsed_),
+                      kGrowth * lastStep_[joint] + possible_[joint]));
 }
 
 void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {

@@ -66,6 +66,9 @@ public:
     /** From now on a change in a tick up to `change` is a motion, too. */
     void widen(const JointVector& change) { policy_.largestChange = policy_.largestChange.cwiseMax(change); }
 
+    /** Besides twice the step before, so much is a motion of a joint in a tick [rad, m]. */
+    void allow(int joint, double change) { possible_[joint] = change; }
+
     /** How far a position is from what it is compared with [rad, m]. */
     double calcChange(int joint, const JointState& reading, const MotionState& nominal) const;
     double largestChange(int joint) const { return policy_.largestChange[joint]; }
@@ -99,7 +102,7 @@ public:
 
 private:
     Policy policy_;
-    JointVector last_, lastStep_, deviation_;
+    JointVector last_, lastStep_, possible_, deviation_;
     JointVector changedDeviation_;  // at the last tick in which the reading changed
     JointVector goal_, step_;       // where deviation_ goes while standing in, by how much a tick
     std::array<std::int64_t, kMaxJoints> still_{}, moving_{};  // ticks
