@@ -34,7 +34,7 @@ AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop,
     const Actuation& actuation = setup.robot.actuation;
     const JointVector none = JointVector::Zero(n);
     AuthoritySizes sizes{none, none, 0.0, loop ? loop->kp : none};
-    if (bound && loop) {
+    if (bound && loop && bound->velocity.size() == n && bound->integralTorque.size() == n) {
         const JointVector noise = 2.0 / setup.tick_s * (bound->measured - bound->position);
         const JointVector error = bound->velocity + noise + loop->kp.cwiseProduct(bound->measured);
         sizes.reach = loop->kr.cwiseProduct(error) + bound->integralTorque;
@@ -157,12 +157,6 @@ double Authority::calcOpen(int joint) {
     const double back = excess_[joint] * std::max(0.0, 1.0 - k / half) - owed_[joint] * weight;
     return std::clamp(lasting_[joint] + back, std::min(lowest_[joint], lasting_[joint]),
                       std::max(highest_[joint], lasting_[joint]));
-}
-
-double Authority::calcStep(int joint, double inertia) const {
-    constexpr double kLessInertia = 4.0;
-    if (!(inertia > 0.0)) return 0.0;
-    return kLessInertia * (sizes_.reach[joint] + frictionHighest_[joint]) / inertia * tick_s_ * tick_s_;
 }
 
 void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill,

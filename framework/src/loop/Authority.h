@@ -72,9 +72,6 @@ public:
     /** True where it changed something. @param nominal  what moves the nominal arm: what the loop takes off that beyond a motor's
     limit is no push [Nm] */
     bool cut(const JointVector& nominal, JointVector& torque);
-    /** A change of the joint's position in a tick that its torque can make, four times over: its inertia may be less with the
-    other joints free [rad, m]. @param inertia  of the joint, the others held [kg m^2, kg] */
-    double calcStep(int joint, double inertia) const;
     /** What the motors really get of it, after all rates.
     @param isStill  the joint's reading is that of the tick before
     @param inertia  of the joint, the others held [kg m^2, kg] */

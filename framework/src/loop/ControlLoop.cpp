@@ -375,9 +375,6 @@ void ControlLoop::checkReading() {
     sensors_.miss(ticksSinceReading_ - 1);
     ticksSinceReading_ = 1;
     std::array<bool, kMaxJoints> isExplained{};
-    if (const JointMatrix& M = nominalArm_.dynamics().M; M.rows() == n_)
-        for (int i = 0; i < n_; ++i)
-            if (authority_.limits(i)) sensors_.allow(i, authority_.calcStep(i, M(i, i)));
     for (int i = 0; i < n_; ++i) isExplained[static_cast<std::size_t>(i)] = sensors_.isPlausible(i, real_, nominal());
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);

@@ -36,8 +36,7 @@ void SensorCheck::setMotion(const RunSetup& setup, Policy& policy) {
 void SensorCheck::begin(const Policy& policy, const JointVector& start) {
     policy_ = policy;
     last_ = start;
-    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &lastStep_, &possible_})
-        v->setZero(start.size());
+    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &swing_}) v->setZero(start.size());
     still_.fill(0);
     moving_.fill(0);
     elapsed_ = 1;
@@ -52,16 +51,16 @@ double SensorCheck::calcChange(int joint, const JointState& reading, const Motio
 bool SensorCheck::isPlausible(int joint, const JointState& reading, const MotionState& nominal) const {
     return !(std::abs(reading.qd[joint]) > policy_.largestSpeed[joint]) &&
            !(calcChange(joint, reading, nominal) >
-             std::max(policy_.largestChange[joint] * static_cast<double>(elapsed_),
-                      kGrowth * lastStep_[joint] + possible_[joint]));
+             policy_.largestChange[joint] * static_cast<double>(elapsed_) + kGrowth * swing_[joint]);
 }
 
 void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {
     const double step = std::abs(reading.q[joint] - last_[joint]);
     const bool stands = step == 0.0;
     last_[joint] = reading.q[joint];
-    lastStep_[joint] = policy_.reference == Reference::LastReading ? step : 0.0;
-    goal_[joint] = deviation_[joint] = reading.q[joint] - nominal.q[joint];
+    const double deviation = reading.q[joint] - nominal.q[joint];
+    if (policy_.reference == Reference::LastReading) swing_[joint] = std::abs(deviation - deviation_[joint]);
+    goal_[joint] = deviation_[joint] = deviation;
     std::int64_t& still = still_[static_cast<std::size_t>(joint)];
     std::int64_t& moving = moving_[static_cast<std::size_t>(joint)];
     if (!stands) moving = still == 0 && step >= policy_.moving[joint] ? moving + 1 : 0;

@@ -18,8 +18,9 @@ below a wrap by a turn. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
 inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 
-/** And where the arm swings, one up to so many times that of the tick before is taken as it is. */
-inline constexpr double kGrowth = 2.0;
+/** What a loop swings that is far too strong for the arm is a motion, too: so many times the change of the deviation from the
+nominal joint in the tick before comes on top. */
+inline constexpr double kGrowth = 30.0;
 
 /** A reading that stays exactly what it is for so many ticks may be that of a sensor that is stuck. So may one that stops at once
 after as many ticks in each of which it moved by kMovingCounts and kMovingShare of its velocity limit: a joint that friction
@@ -66,9 +67,6 @@ public:
     /** From now on a change in a tick up to `change` is a motion, too. */
     void widen(const JointVector& change) { policy_.largestChange = policy_.largestChange.cwiseMax(change); }
 
-    /** Besides twice the step before, so much is a motion of a joint in a tick [rad, m]. */
-    void allow(int joint, double change) { possible_[joint] = change; }
-
     /** How far a position is from what it is compared with [rad, m]. */
     double calcChange(int joint, const JointState& reading, const MotionState& nominal) const;
     double largestChange(int joint) const { return policy_.largestChange[joint]; }
@@ -102,9 +100,9 @@ public:
 
 private:
     Policy policy_;
-    JointVector last_, lastStep_, possible_, deviation_;
-    JointVector changedDeviation_;  // at the last tick in which the reading changed
-    JointVector goal_, step_;       // where deviation_ goes while standing in, by how much a tick
+    JointVector last_, swing_, deviation_;  // swing: change of the deviation in the last tick
+    JointVector changedDeviation_;          // at the last tick in which the reading changed
+    JointVector goal_, step_;               // where deviation_ goes while standing in, by how much a tick
     std::array<std::int64_t, kMaxJoints> still_{}, moving_{};  // ticks
     std::int64_t elapsed_ = 1;                                 // ticks since the last good reading
 };
