@@ -148,7 +148,7 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
     if (violation.cause == Cause::None) return violation;
     // So fast that it was away before it had swung often enough to tell.
     const Swing& swing = swings_[static_cast<std::size_t>(violation.joint)];
-    if (swing.halves > 1) return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
+    if (swing.halves > 0) return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
     const auto blame = [&](const JointVector& shares, Cause cause) {
         Eigen::Index motor = 0;
         if (shares.maxCoeff(&motor) < kSaturated) return;
