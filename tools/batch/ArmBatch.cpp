@@ -107,6 +107,7 @@ bool read(const RealArm& real, JointState& out) {
 bool drive(RealArm& real, Scratch& s) {
     if (!read(real, s.measured)) return false;
     try {
+        s.robust.resize(0);  // another arm's, and no news of what was withheld
         if (real.nric.compute(s.measured, s.nominal, s.motion.torque, s.robust) != TickStatus::Ok) return false;
         s.robust += s.motion.torque;
         return real.plant->advance(s.robust, s.applied) == TickStatus::Ok && isFinite(s.applied, real.setup.size());
