@@ -2,18 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "core/Text.h"
 #include "robot/PoseSampling.h"
 #include "tracking/InertiaSample.h"
+#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 
 namespace {
-
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 /** Poses in which the gain of a loop that follows the inertia is looked for. */
 constexpr int kGainPoses = 64;
@@ -25,6 +23,17 @@ JointVector findLargestGain(const RunSetup& setup, const LinearErrorLoop& loop) 
     for (const PoseInertia& pose : sampleInertia(setup.robot, setup.limits, kGainPoses))
         largest = largest.cwiseMax(calcLoopGain(loop, pose.M).diagonal());
     return largest;
+}
+
+/** Largest force that joints pushed with those torques, each up to its own [Nm], press the tool with along x, y and z of the
+base frame: what the weakest joint can hold [N]. Infinite along an axis that no joint moves the tool along. */
+Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) {
+    constexpr double kNoLever = 1e-6;  // [m]
+    Eigen::Vector3d force = Eigen::Vector3d::Constant(kInfinity);
+    for (int axis = 0; axis < 3; ++axis)
+        for (int i = 0; i < torque.size(); ++i)
+            if (std::abs(J(axis, i)) > kNoLever) force[axis] = std::min(force[axis], torque[i] / std::abs(J(axis, i)));
+    return force;
 }
 
 }  // namespace
@@ -196,20 +205,11 @@ void Authority::open(int joint) {
     backTicks_[at] = 2 * static_cast<int>(half);
 }
 
-Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) {
-    constexpr double kNoLever = 1e-6;  // [m]
-    Eigen::Vector3d force = Eigen::Vector3d::Constant(kInfinite);
-    for (int axis = 0; axis < 3; ++axis)
-        for (int i = 0; i < torque.size(); ++i)
-            if (std::abs(J(axis, i)) > kNoLever) force[axis] = std::min(force[axis], torque[i] / std::abs(J(axis, i)));
-    return force;
-}
-
 std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J) {
     std::string joints;
     JointVector rest(robot.size());
     for (int i = 0; i < robot.size(); ++i) {
-        rest[i] = authority.limits(i) ? authority.calcRest(i) : kInfinite;
+        rest[i] = authority.limits(i) ? authority.calcRest(i) : kInfinity;
         const char* const name = robot.joints[static_cast<std::size_t>(i)].name.c_str();
         addItem(joints, authority.limits(i)
                             ? format("%s %.3g %s (%.0f %% of the motor)", name, rest[i], robot.slides(i) ? "N" : "Nm",

@@ -38,12 +38,12 @@ f is friction at the real joint's velocity (both ways Coulomb friction), smoothe
 in the last kLasting_s beyond the friction figures; it stands still while the joint's torque is cut. What is not cut is
 not changed in a bit.
 
-A joint that was cut for kHeldTicks is let go without a throw: until it is near again the loop sees it no farther away than its law
-answers with a velocity kFastReturn times the limit.
+A joint that was cut for kHeldTicks is let go without a throw: until it is near again the loop sees it no farther away than
+its law answers with a velocity kFastReturn times the limit.
 
 It also tells how far a joint was pushed since its reading changed last. A joint whose readings are of no use is left to
 d (open()).
-Real time: no allocation, lock or throw after begin(). */
+Real time: no allocation, lock or throw after construction. */
 class Authority {
 public:
     static constexpr double kVelocity_s = 0.01, kLasting_s = 0.1, kFastReturn = 1.02;
@@ -88,7 +88,6 @@ public:
     without a step, and what the joint was pushed with in vain is taken back: that torque, and the momentum it made. */
     void open(int joint);
 
-    const AuthoritySizes& sizes() const { return sizes_; }
     /** Most that may be added to a joint that stands still while nothing lasts [Nm]. */
     double calcRest(int joint) const;
 
@@ -117,11 +116,7 @@ private:
     std::array<int, kMaxJoints> backTick_{}, backTicks_{};  // now, and of all the way
 };
 
-/** Largest force that joints pushed with those torques, each up to its own [Nm], press the tool with along x, y and z of the
-base frame: what the weakest joint can hold [N]. Infinite along an axis that no joint moves the tool along. */
-Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J);
-
-/** "at most 108 Nm at joint0 (25 % of its motor), ... at rest; the tool presses with 140, 96, 210 N along x, y, z": of a pose. */
+/** "at most joint0 108 Nm (25 % of the motor), ... at rest; the tool presses with at most 140 N along x, ...", in the pose of J. */
 std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J);
 
 }  // namespace viable::detail

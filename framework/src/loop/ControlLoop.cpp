@@ -198,6 +198,12 @@ void ControlLoop::readExternalTorque() {
                     "the external torque that it reports has the wrong size, is not finite or beyond 1e9", kOnValues);
 }
 
+/** Nothing is known of where the joint is from here on. */
+void ControlLoop::dropReading(int joint) {
+    isPlausible_[static_cast<std::size_t>(joint)] = false;
+    if (authority_.limits(joint)) authority_.open(joint);
+}
+
 /** True if the reading of a joint that is beyond its bound stays exactly what it is while the nominal joint goes on: the sensor is
 stuck, or the joint blocked. It is not taken as plausible any more, or the robust loop would push in vain. */
 bool ControlLoop::replaceStillReading(int joint) {
@@ -205,8 +211,7 @@ bool ControlLoop::replaceStillReading(int joint) {
     if (!options_.judgesReadings || !isPlausible_[at]) return false;
     if (!(std::abs(sensors_.deviation()[joint]) > options_.bound->measured[joint])) return false;
     if (!(sensors_.findStillTravel(joint) > kJumpCounts * setup_.robot.encoderStep(joint))) return false;
-    isPlausible_[at] = false;
-    if (authority_.limits(joint)) authority_.open(joint);
+    dropReading(joint);
     sensors_.disownStill(joint, std::max(1, static_cast<int>(kRelease_s / setup_.tick_s)));
     sensors_.standIn(joint, nominal(), plausible_);
     return true;
@@ -234,10 +239,9 @@ void ControlLoop::checkAnswers() {
             plausible_.qd[i] = nominal().qd[i];
         }
         if (!isStill) continue;
-        isPlausible_[at] = false;
+        dropReading(i);
         sensors_.disown(i, sensors_.changedDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
-        authority_.open(i);
         char message[LoopStatus::kMessageSize];
         std::snprintf(message, sizeof message,
                       "%.60s does not answer its motor (at most %.3g %s were added): its reading stands still, so its "
@@ -379,8 +383,7 @@ void ControlLoop::checkReading() {
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         if (judges && isPlausible_[at] && !isExplained[at]) {
-            isPlausible_[at] = false;
-            if (authority_.limits(i)) authority_.open(i);
+            dropReading(i);
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
             std::snprintf(message, sizeof message,

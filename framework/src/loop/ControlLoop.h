@@ -122,6 +122,7 @@ private:
     void readState();
     void readExternalTorque();
     void checkReading();
+    void dropReading(int joint);
     bool replaceStillReading(int joint);
     void checkAnswers();
     void checkTracking();
