@@ -68,25 +68,22 @@ Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
       sizes_(std::move(sizes)),
       torqueLimit_(setup.robot.actuation.torqueLimit),
       figures_(setup.robot.actuation.friction),
-      fastest_(setup.limits.velocity) {
+      ownFastest_(setup.limits.velocity) {
     reset();
 }
 
 void Authority::reset() {
-    for (JointVector* v : {&velocity_, &lasting_, &lowest_, &highest_, &frictionLowest_, &frictionHighest_, &base_,
-                           &impulse_, &last_, &excess_, &owed_, &impliedSpeed_, &impliedTravel_})
+    fastest_ = ownFastest_;
+    for (JointVector* v :
+         {&velocity_, &lasting_, &lowest_, &highest_, &last_, &excess_, &owed_, &impliedMomentum_, &impliedTravel_})
         v->setZero(n_);
-    cutTicks_.fill(0);
-    cutSide_.fill(0);
-    backTick_.fill(0);
-    backTicks_.fill(0);
-    isHeld_.fill(false);
+    for (auto* ticks : {&cutTicks_, &cutSide_, &pressedTicks_, &backTick_, &backTicks_}) ticks->fill(0);
+    for (auto* flags : {&isHeld_, &isPressing_, &isOpen_, &hasAdded_}) flags->fill(false);
     isNear_.fill(true);
-    isPressed_.fill(false);
-    isOpen_.fill(false);
 }
 
 void Authority::widen(const JointLimits& limits) {
+    if (n_ == 0) return;
     fastest_.lower = fastest_.lower.cwiseMin(limits.velocity.lower);
     fastest_.upper = fastest_.upper.cwiseMax(limits.velocity.upper);
 }
@@ -100,17 +97,24 @@ double Authority::calcRest(int joint) const {
     return sizes_.reach[joint] + calcFriction(joint, 0.0);
 }
 
+double Authority::calcDryFriction(int joint) const {
+    const double coulomb = figures_.coulomb[joint];
+    return coulomb > 0.0 ? kFrictionFactor * coulomb : kPressing * sizes_.reach[joint];
+}
+
+double Authority::calcHold(int joint) const {
+    return sizes_.friction > 0.0 ? kFrictionFactor * figures_.coulomb[joint] : kPressing * sizes_.reach[joint];
+}
+
 void Authority::update(const MotionState& nominal, JointState& real) {
     const double share = std::min(1.0, tick_s_ / kVelocity_s);
     for (int i = 0; i < n_; ++i) {
         const std::size_t at = index(i);
         const double error = real.q[i] - nominal.q[i];
         velocity_[i] += share * (std::clamp(real.qd[i], fastest_.lower[i], fastest_.upper[i]) - velocity_[i]);
-        frictionHighest_[i] = calcFriction(i, std::max(0.0, velocity_[i]));
-        frictionLowest_[i] = -calcFriction(i, std::max(0.0, -velocity_[i]));
         const double lasting = std::clamp(lasting_[i], -sizes_.lasting[i], sizes_.lasting[i]);
-        highest_[i] = lasting + frictionHighest_[i] + sizes_.reach[i];
-        lowest_[i] = lasting + frictionLowest_[i] - sizes_.reach[i];
+        highest_[i] = lasting + calcFriction(i, std::max(0.0, velocity_[i])) + sizes_.reach[i];
+        lowest_[i] = lasting - calcFriction(i, std::max(0.0, -velocity_[i])) - sizes_.reach[i];
         isNear_[at] = true;
         const double kp = sizes_.kp[i];
         if (!isHeld_[at] || !(kp > 0.0)) continue;
@@ -140,7 +144,7 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
         cutSide_[at] = side;
         const double push = given > 0.0 ? std::max(0.0, given - highest_[i] + sizes_.reach[i])
                                         : std::min(0.0, given - lowest_[i] - sizes_.reach[i]);
-        isPressed_[at] = std::abs(push) > kPressing * sizes_.reach[i];
+        isPressing_[at] = std::abs(push) > kPressing * sizes_.reach[i];
         if (side != 0) {
             isChanged = true;
             isHeld_[at] = isHeld_[at] || cutTicks_[at] >= heldTicks_;  // noise is cut, too, but not for long
@@ -151,6 +155,9 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
         const double friction = std::tanh(speed / kStandstill) * calcFigure(i, speed);
         const double needed = given - std::copysign(friction, velocity_[i]);
         lasting_[i] += std::min(1.0, tick_s_ / kLasting_s) * (needed - lasting_[i]);
+        // With a bound `reach` has what lasts, and an open joint needs it still.
+        const double most = sizes_.friction > 0.0 ? sizes_.lasting[i] : sizes_.reach[i];
+        lasting_[i] = std::clamp(lasting_[i], -most, most);
     }
     return isChanged;
 }
@@ -171,52 +178,60 @@ double Authority::calcOpen(int joint) {
 void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill,
                      const JointVector& inertia) {
     for (int i = 0; i < n_; ++i) {
-        if (isCut(i) || isStill[index(i)]) {
-            impulse_[i] += torque[i] - base_[i];
-        } else {
-            base_[i] = torque[i];
-            impulse_[i] = 0.0;
-        }
+        const std::size_t at = index(i);
         last_[i] = torque[i];
-        const double beyond = torque[i] - lasting_[i], dry = kFrictionFactor * figures_.coulomb[i];
-        if (isStill[index(i)] && inertia[i] > 0.0)
-            impliedSpeed_[i] += (beyond - std::clamp(beyond, -dry, dry)) / inertia[i] * tick_s_;
-        else
-            impliedSpeed_[i] = impliedTravel_[i] = 0.0;
-        impliedTravel_[i] += impliedSpeed_[i] * tick_s_;
+        hasAdded_[at] = hasAdded_[at] || torque[i] != 0.0;
+        if (!isStill[at]) {
+            impliedMomentum_[i] = impliedTravel_[i] = 0.0;
+            pressedTicks_[at] = 0;
+            continue;
+        }
+        pressedTicks_[at] = isPressing_[at] ? pressedTicks_[at] + 1 : 0;
+        // What lasted may be gone since. Dry friction stops the joint where it can, and takes its most from one that moves.
+        const double beyond = torque[i] - std::clamp(torque[i], std::min(0.0, lasting_[i]), std::max(0.0, lasting_[i]));
+        const double hold = calcHold(i);
+        const double friction = std::clamp(beyond + impliedMomentum_[i] / tick_s_, -hold, hold);
+        impliedMomentum_[i] += (beyond - friction) * tick_s_;
+        if (inertia[i] > 0.0) impliedTravel_[i] += impliedMomentum_[i] / inertia[i] * tick_s_;
     }
 }
 
-void Authority::open(int joint) {
+void Authority::open(int joint, bool isInVain) {
     const std::size_t at = index(joint);
     if (isOpen_[at]) return;
     isOpen_[at] = true;
-    isHeld_[at] = isPressed_[at] = false;
-    cutTicks_[at] = backTick_[at] = 0;
+    isHeld_[at] = isPressing_[at] = false;
+    cutTicks_[at] = pressedTicks_[at] = backTick_[at] = 0;
     excess_[joint] = last_[joint] - lasting_[joint];
-    const double pushed = last_[joint] - base_[joint];
-    // A triangle of 2 `half` ticks has the peak owed / half. The way down adds to what is owed.
-    double half = 0.5 * std::max(2.0, kTakeBack_s / tick_s_);
-    const double most = kTakeBackShare * sizes_.reach[joint];
-    if (std::isfinite(most) && most > 0.0)
-        half = std::clamp(std::abs(impulse_[joint]) / most, half, kLasting_s / tick_s_);
-    half = std::max(1.0, std::floor(half));
-    owed_[joint] = impulse_[joint] + 0.5 * (half - 1.0) * pushed;
+    // A triangle of 2 `half` ticks has the peak owed / half. What the way down pushes beyond friction is owed, too.
+    double owed = isInVain ? impliedMomentum_[joint] / tick_s_ : 0.0;
+    const double least = std::max(1.0, std::floor(0.5 * kTakeBack_s / tick_s_)),
+                 most = kTakeBackShare * sizes_.reach[joint];
+    double half = least;
+    if (most > 0.0) half = std::clamp(std::ceil(std::abs(owed) / most), least, std::max<double>(least, kTakeBackTicks));
+    const double hold = calcHold(joint), pushing = excess_[joint] - std::clamp(excess_[joint], -hold, hold);
+    if (owed * pushing > 0.0) owed += 0.5 * (half - 1.0) * pushing * pushing / excess_[joint];
+    owed_[joint] = std::clamp(owed, -sizes_.reach[joint] * half, sizes_.reach[joint] * half);
     backTicks_[at] = 2 * static_cast<int>(half);
 }
 
 std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J) {
     std::string joints;
-    JointVector rest(robot.size());
+    JointVector most(robot.size());
     for (int i = 0; i < robot.size(); ++i) {
-        rest[i] = authority.limits(i) ? authority.calcRest(i) : kInfinity;
         const char* const name = robot.joints[static_cast<std::size_t>(i)].name.c_str();
-        addItem(joints, authority.limits(i)
-                            ? format("%s %.3g %s (%.0f %% of the motor)", name, rest[i], robot.slides(i) ? "N" : "Nm",
-                                     100.0 * rest[i] / robot.actuation.torqueLimit[i])
-                            : format("%s any", name));
+        const char* const unit = robot.slides(i) ? "N" : "Nm";
+        most[i] = authority.limits(i) ? authority.calcMost(i) : kInfinity;
+        if (!authority.limits(i)) {
+            addItem(joints, format("%s any", name));
+            continue;
+        }
+        const double rest = authority.calcRest(i), percent = 100.0 / robot.actuation.torqueLimit[i];
+        addItem(joints, most[i] > rest ? format("%s %.3g %s at once and %.3g %s slowly (%.0f and %.0f %% of the motor)",
+                                                name, rest, unit, most[i], unit, percent * rest, percent * most[i])
+                                       : format("%s %.3g %s (%.0f %% of the motor)", name, rest, unit, percent * rest));
     }
-    const Eigen::Vector3d force = calcToolForce(rest, J);
+    const Eigen::Vector3d force = calcToolForce(most, J);
     std::string axes;
     for (int axis = 0; axis < 3; ++axis)
         if (std::isfinite(force[axis])) addItem(axes, format("%.3g N along %c", force[axis], "xyz"[axis]));

@@ -35,24 +35,27 @@ inline constexpr double kFrictionFactor = 2.0, kMotorShare = 0.25;
 held, or whose encoder says nonsense, gets no more than that, however far the loop takes it to be from its nominal place.
 
 f is friction at the real joint's velocity (both ways Coulomb friction), smoothed over kVelocity_s. d is what the loop gave
-in the last kLasting_s beyond the friction figures; it stands still while the joint's torque is cut. What is not cut is
-not changed in a bit.
+in the last kLasting_s beyond the friction figures, and at most AuthoritySizes::lasting; it stands still while the joint's
+torque is cut. What is not cut is not changed in a bit.
 
 A joint that was cut for kHeldTicks is let go without a throw: until it is near again the loop sees it no farther away than
 its law answers with a velocity kFastReturn times the limit.
 
-It also tells how far a joint was pushed since its reading changed last. A joint whose readings are of no use is left to
-d (open()).
+It also tells how far a joint must have been pushed since its reading changed last, where dry friction took what it can
+(calcHold()). A joint whose readings are of no use is left to d (open()).
 Real time: no allocation, lock or throw after construction. */
 class Authority {
 public:
     static constexpr double kVelocity_s = 0.01, kLasting_s = 0.1, kFastReturn = 1.02;
     /** A joint that is cut for so many ticks, and a delay, is held. */
     static constexpr int kHeldTicks = 5;
-    /** A joint that is pressed with more than this share of its reach, and stands exactly still, does not answer. */
+    /** A joint that is pressed with more than this share of its reach for kHeldTicks, and stands exactly still, does not
+    answer. */
     static constexpr double kPressing = 0.5;
-    /** What was pushed in vain is taken back in this time [s], or with this share of the reach where that takes longer. */
+    /** What was pushed in vain is taken back in this time [s], or in twice kTakeBackTicks where that is longer and the push takes
+    more than this share of the reach. The reach itself is not exceeded: what it cannot do in that time is left to friction. */
     static constexpr double kTakeBack_s = 0.025, kTakeBackShare = 0.5;
+    static constexpr int kTakeBackTicks = 20;
     /** Slower than this a joint is not sure to move, and dry friction may act either way [rad/s, m/s]. */
     static constexpr double kStandstill = 0.02;
 
@@ -64,7 +67,7 @@ public:
     void reset();
     /** What may be added to the joint's motor has an end. */
     bool limits(int joint) const { return joint < n_ && std::isfinite(sizes_.reach[joint]); }
-    /** Velocity limits that are wider from now on count. */
+    /** Velocity limits that are wider from now on count, until reset(). */
     void widen(const JointLimits& limits);
 
     /** Takes what is known of the real arm now; before the loop is asked. A joint that is to be seen nearer is written so. */
@@ -78,18 +81,28 @@ public:
     void take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill, const JointVector& inertia);
 
     bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
-    /** The joint is pushed by more than friction and d explain, so that it should move. */
-    bool isPressed(int joint) const { return isPressed_[index(joint)]; }
-    /** How far the joint must have been pushed since its reading changed last, with what is beyond d and twice its dry friction
-    [rad, m]. */
+    /** Something was added to the joint's motor since reset(). */
+    bool hasAdded(int joint) const { return hasAdded_[index(joint)]; }
+    /** In the tick before [Nm]. */
+    double added(int joint) const { return last_[joint]; }
+    /** The joint reads the same, and was pushed for some ticks by more than friction and d explain: it should have moved. */
+    bool isPressed(int joint) const { return pressedTicks_[index(joint)] >= heldTicks_; }
+    /** How far the joint must have been pushed since its reading changed last, with what is beyond d, 0 and calcHold() [rad, m]. */
     double impliedTravel(int joint) const { return impliedTravel_[joint]; }
     bool isOpen(int joint) const { return isOpen_[index(joint)]; }
     /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
-    without a step, and what the joint was pushed with in vain is taken back: that torque, and the momentum it made. */
-    void open(int joint);
+    without a step.
+    @param isInVain  it was pushed and read the same: the momentum that this must have made is taken back */
+    void open(int joint, bool isInVain);
 
     /** Most that may be added to a joint that stands still while nothing lasts [Nm]. */
     double calcRest(int joint) const;
+    /** And after a push that grew so slowly that it was taken for what lasts [Nm]. */
+    double calcMost(int joint) const { return calcRest(joint) + sizes_.lasting[joint]; }
+    /** Most that dry friction may stop a joint with [Nm]: twice the figure; without one kPressing of the reach. */
+    double calcDryFriction(int joint) const;
+    /** What a joint that stands may take beyond d, or beyond nothing, without moving, as far as is known [Nm]. */
+    double calcHold(int joint) const;
 
 private:
     static std::size_t index(int joint) { return static_cast<std::size_t>(joint); }
@@ -102,21 +115,21 @@ private:
     AuthoritySizes sizes_;
     JointVector torqueLimit_;
     JointFriction figures_;
-    JointBounds fastest_;
+    JointBounds ownFastest_, fastest_;  // of the setup, and widened
     JointVector velocity_, lasting_, lowest_, highest_;
-    JointVector frictionLowest_, frictionHighest_;
-    std::array<int, kMaxJoints> cutTicks_{}, cutSide_{};
-    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressed_{}, isOpen_{};
+    JointVector last_;  // added in the tick before [Nm]
+    std::array<int, kMaxJoints> cutTicks_{}, cutSide_{}, pressedTicks_{};
+    std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressing_{}, isOpen_{}, hasAdded_{};
 
-    JointVector impliedSpeed_, impliedTravel_;  // since the reading changed last
-    // Pushed in vain, as far as it is not known better.
-    JointVector base_, impulse_, last_;  // torque before [Nm], pushed since then [Nm ticks], in the tick before [Nm]
-    // Of an open joint: torque beyond d, and impulse that is owed, at the beginning.
+    // Since the reading changed last, if the joint did not stand [Nms, Ns; rad, m].
+    JointVector impliedMomentum_, impliedTravel_;
+    // Of an open joint at the beginning: torque beyond d [Nm], and impulse that is owed [Nm ticks].
     JointVector excess_, owed_;
     std::array<int, kMaxJoints> backTick_{}, backTicks_{};  // now, and of all the way
 };
 
-/** "at most joint0 108 Nm (25 % of the motor), ... at rest; the tool presses with at most 140 N along x, ...", in the pose of J. */
+/** "at most joint0 108 Nm at once and 176 Nm slowly (25 and 41 % of the motor), ... at rest; the tool presses with at most 140 N
+along x, ...", in the pose of J. */
 std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J);
 
 }  // namespace viable::detail

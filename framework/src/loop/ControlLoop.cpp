@@ -17,7 +17,7 @@ namespace {
 /** An arm that rests at a limit is measured beyond it by no more [counts]. */
 constexpr double kOutsideCounts = 4.0, kOutside = 1e-4;  // [rad, m]
 
-/** A joint that was pushed this far, and reads the same, is stuck or held, whatever its friction. */
+/** How far a joint that reads the same must be implied to have moved before it is stuck or held, whatever its friction. */
 constexpr double kVisible_rad = 0.02, kVisible_m = 0.01;
 
 /** A share that is smaller is nothing. */
@@ -28,8 +28,9 @@ constexpr double kRounding = 1e-9;
 constexpr char kOnJump[] =
     "Check the encoder and its wiring: a wrap, a lost count, swapped channels. The robust loop was not given it.";
 constexpr char kOnStillness[] =
-    "Check the encoder, its wiring and the brake, or see what the joint ran against. The robust loop was not given its "
-    "readings any more.";
+    "Check the encoder, its wiring and the brake, or see what the joint ran against. Where it only sticks, give its "
+    "dry "
+    "friction and its encoder's counts in actuation.yaml. The robust loop was not given its readings any more.";
 constexpr char kOnLostTracking[] =
     "Find what acted on the arm then: a push, a payload, a failed sensor. State what belongs to the task in "
     "`disturbance_set`, which widens the bound.";
@@ -122,8 +123,14 @@ void ControlLoop::reset() {
     authority_.reset();
     following_.begin(setup_);
     SensorCheck::Policy policy{SensorCheck::Reference::LastReading,
-                               calcLargestChange(setup_, setup_.limits, options_.bound, authority_), any, any};
+                               calcLargestChange(setup_, setup_.limits, options_.bound, authority_),
+                               any,
+                               any,
+                               {},
+                               {},
+                               {}};
     SensorCheck::setMotion(setup_, policy);
+    for (int i = 0; i < n_ && !options_.bound; ++i) policy.largestGrowth[i] = calcLeastJump(setup_.robot, i);
     sensors_.begin(policy, start.q);
     for (JointVector* v : {&robustTorque_, &motorTorque_, &appliedTorque_, &releasedTorque_}) v->setZero(n_);
     ticksToMiss_ = 0;
@@ -157,12 +164,16 @@ void ControlLoop::releasePlant() noexcept {
     plugins_.realPlant.reset();
 }
 
-void ControlLoop::readPlant() {
+void ControlLoop::readPlant(bool isRead) {
     readState();
     if (options_.feedsExternalTorque) readExternalTorque();
     const std::int64_t elapsedTicks = ticksSinceReading_;
-    checkReading();  // a jump says more than that the error is large
-    checkAnswers();
+    if (isRead) {
+        checkReading();  // a jump says more than that the error is large
+        checkAnswers();
+    } else {
+        passReading();
+    }
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -199,9 +210,9 @@ void ControlLoop::readExternalTorque() {
 }
 
 /** Nothing is known of where the joint is from here on. */
-void ControlLoop::dropReading(int joint) {
+void ControlLoop::dropReading(int joint, bool isInVain) {
     isPlausible_[static_cast<std::size_t>(joint)] = false;
-    if (authority_.limits(joint)) authority_.open(joint);
+    if (authority_.limits(joint)) authority_.open(joint, isInVain);
 }
 
 /** True if the reading of a joint that is beyond its bound stays exactly what it is while the nominal joint goes on: the sensor is
@@ -210,8 +221,8 @@ bool ControlLoop::replaceStillReading(int joint) {
     const auto at = static_cast<std::size_t>(joint);
     if (!options_.judgesReadings || !isPlausible_[at]) return false;
     if (!(std::abs(sensors_.deviation()[joint]) > options_.bound->measured[joint])) return false;
-    if (!(sensors_.findStillTravel(joint) > kJumpCounts * setup_.robot.encoderStep(joint))) return false;
-    dropReading(joint);
+    if (!(sensors_.findStillTravel(joint) > kJumpCounts * sensors_.count(joint))) return false;
+    dropReading(joint, true);
     sensors_.disownStill(joint, std::max(1, static_cast<int>(kRelease_s / setup_.tick_s)));
     sensors_.standIn(joint, nominal(), plausible_);
     return true;
@@ -221,32 +232,40 @@ bool ControlLoop::replaceStillReading(int joint) {
 pushed with in vain is taken back. */
 void ControlLoop::checkAnswers() {
     if (hasFailed()) return;
+    const JointMatrix& M = nominalArm_.dynamics().M;
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
-        if (!isPlausible_[at] || !authority_.limits(i)) continue;
-        const double count = kJumpCounts * setup_.robot.encoderStep(i);
-        const bool isSuspect = !options_.bound && sensors_.isSuspect(i);
+        if (!isPlausible_[at] || !authority_.limits(i) || !authority_.hasAdded(i)) continue;
+        // Friction may stop a joint that is slow, too.
+        const double inertia = M.rows() == n_ ? M(i, i) : 0.0;
+        const double slow =
+            inertia > 0.0 ? authority_.calcDryFriction(i) / inertia * setup_.tick_s * setup_.tick_s : 0.0;
+        const bool isSuspect = !options_.bound && sensors_.isSuspect(i, slow);
         const bool isLong = sensors_.stillTicks(i) >= kStillTicks;
-        // Without a figure of dry friction nobody knows what a joint that stands takes.
-        const double visible = setup_.robot.actuation.friction.coulomb[i] > 0.0 ? count
-                               : setup_.robot.slides(i)                         ? kVisible_m
-                                                                                : kVisible_rad;
-        const bool isImplied = !options_.bound && std::abs(authority_.impliedTravel(i)) > visible;
-        const bool isStill =
-            (isSuspect && isLong) || ((authority_.isPressed(i) || isImplied) && sensors_.findStillTravel(i) > count);
+        const double implied = options_.bound ? 0.0 : std::abs(authority_.impliedTravel(i));
+        const double travel = sensors_.findStillTravel(i), count = kJumpCounts * sensors_.count(i);
+        // Without a figure of dry friction nobody knows what a joint that stands takes. One that sticks reads exactly the same
+        // where the encoder has counts; then the nominal joint must go on, too.
+        const bool isImplied = setup_.robot.actuation.friction.coulomb[i] > 0.0
+                                   ? implied > count
+                                   : (setup_.robot.encoderStep(i) > 0.0 ? std::min(implied, travel) : implied) >
+                                         (setup_.robot.slides(i) ? kVisible_m : kVisible_rad);
+        const bool isPressed = authority_.isPressed(i) && (!options_.bound || travel > count);
+        const bool isStill = isLong && (isSuspect || isPressed || isImplied);
         if (isSuspect && !isStill) {  // until that is known, it is not pushed
             plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
             plausible_.qd[i] = nominal().qd[i];
         }
         if (!isStill) continue;
-        dropReading(i);
+        const double added = authority_.added(i);
+        dropReading(i, true);
         sensors_.disown(i, sensors_.changedDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
         char message[LoopStatus::kMessageSize];
         std::snprintf(message, sizeof message,
-                      "%.60s does not answer its motor (at most %.3g %s were added): its reading stands still, so its "
+                      "%.60s does not answer its motor (%.3g %s were added): its reading stands still, so its "
                       "encoder is stuck or the joint is held",
-                      getJointName(setup_.robot, i), authority_.calcRest(i), setup_.robot.slides(i) ? "N" : "Nm");
+                      getJointName(setup_.robot, i), added, setup_.robot.slides(i) ? "N" : "Nm");
         loop_.beginStop(StopReason::NotFollowing, message, kOnStillness);
         holdIntegral();
     }
@@ -383,7 +402,7 @@ void ControlLoop::checkReading() {
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         if (judges && isPlausible_[at] && !isExplained[at]) {
-            dropReading(i);
+            dropReading(i, false);
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
             std::snprintf(message, sizeof message,
@@ -396,6 +415,20 @@ void ControlLoop::checkReading() {
         }
         if (isPlausible_[at]) {
             sensors_.take(i, real_, nominal());
+            plausible_.q[i] = real_.q[i];
+            plausible_.qd[i] = real_.qd[i];
+        } else {
+            sensors_.standIn(i, nominal(), plausible_);
+        }
+    }
+}
+
+/** What stands for a reading is what the robust loop sees, but says nothing of the arm. */
+void ControlLoop::passReading() {
+    sensors_.miss(ticksSinceReading_);
+    ticksSinceReading_ = 1;
+    for (int i = 0; i < n_; ++i) {
+        if (isPlausible_[static_cast<std::size_t>(i)]) {
             plausible_.q[i] = real_.q[i];
             plausible_.qd[i] = real_.qd[i];
         } else {
@@ -556,16 +589,16 @@ void ControlLoop::awaitPlant() {
     loop_.end(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)", kOnGivingUp);
 }
 
-void ControlLoop::tick(TickRecord& record) noexcept {
+void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
     if (hasClock_ && ticksToMiss_ == 0 && !isRead_ && !hasFailed()) awaitPlant();
     isRead_ = ticksToMiss_ > 0;  // the reading is for the tick after those
     if (ticksToMiss_ > 0) {
         --ticksToMiss_;
-        passTick(record, false);
+        passTick(record, false, isRead);
         return;
     }
     StageTimer timer(record);
-    if (plugins_.realPlant) readPlant();
+    if (plugins_.realPlant) readPlant(isRead);
     timer.mark(Stage::Plant);
     missedInRow_ = 0;
     nominalArm_.decide(externalTorque_, timer);
@@ -577,16 +610,16 @@ void ControlLoop::tick(TickRecord& record) noexcept {
     finishTick(record, timer, true);
 }
 
-void ControlLoop::missTick(TickRecord& record) noexcept {
-    passTick(record, true);
+void ControlLoop::missTick(TickRecord& record, bool isRead) noexcept {
+    passTick(record, true, isRead);
 }
 
 /** A tick without command, controller and filter. @param hasPlant  the plant is still to be read and driven in it */
-void ControlLoop::passTick(TickRecord& record, bool hasPlant) noexcept {
+void ControlLoop::passTick(TickRecord& record, bool hasPlant, bool isRead) noexcept {
     if (++missedInRow_ > kMaxMissedTicks)
         loop_.beginStop(StopReason::TicksMissed, "more than 1000 ticks in a row were missed");
     StageTimer timer(record);
-    if (plugins_.realPlant && hasPlant) readPlant();
+    if (plugins_.realPlant && hasPlant) readPlant(isRead);
     timer.mark(Stage::Plant);
     nominalArm_.missTick(hasPlant, timer);
     finishTick(record, timer, hasPlant);

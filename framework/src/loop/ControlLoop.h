@@ -39,7 +39,8 @@ struct RealArmOptions {
     bool fixesLimits = false;
     /** Without a bound: an arm that runs away or oscillates is braked for good. */
     bool watchesFollowing = false;
-    /** Fastest change of a motor's whole torque while the robust loop's goes to zero (kRelease_s) [Nm/s]; of size 0: any. */
+    /** Fastest change of a motor's whole torque while the robust loop's is cut or goes to zero (kRelease_s) [Nm/s]; of size 0:
+    any. It goes before limitsAuthority. */
     JointVector motorRate{};
     /** Likewise of the robust loop's torque (LinearErrorLoop::torqueRate). */
     JointVector robustRate{};
@@ -69,12 +70,13 @@ public:
 
     /** One tick; `record` becomes its full account (state at its beginning, torques during it). A plant with a clock is
     waited for; ticks of it that were missed come first, one per call: as missTick(), but the motors have held the last
-    torque, and there is no reading. */
-    void tick(TickRecord& record) noexcept;
+    torque, and there is no reading.
+    @param isRead  false: what the plant reports stands for a reading, and says nothing of the arm */
+    void tick(TickRecord& record, bool isRead = true) noexcept;
 
     /** A tick whose time passed before command, controller and filter could run: the nominal arm follows the stop
     held ready; robust loop and plant go on. */
-    void missTick(TickRecord& record) noexcept;
+    void missTick(TickRecord& record, bool isRead = true) noexcept;
 
     /** Brakes the nominal arm from the next tick on. The first reason stays, unless it was Requested and a
     failure follows. */
@@ -118,11 +120,12 @@ public:
 private:
     void moveToReal(MotionState& start) const;
     void awaitPlant();
-    void readPlant();
+    void readPlant(bool isRead);
     void readState();
     void readExternalTorque();
     void checkReading();
-    void dropReading(int joint);
+    void passReading();
+    void dropReading(int joint, bool isInVain);
     bool replaceStillReading(int joint);
     void checkAnswers();
     void checkTracking();
@@ -137,7 +140,7 @@ private:
     void limitRates(const JointVector& lastRobust, const JointVector& lastMotor);
     void takeRobustTorque();
     void drivePlant();
-    void passTick(TickRecord& record, bool hasPlant) noexcept;
+    void passTick(TickRecord& record, bool hasPlant, bool isRead) noexcept;
     void fillRecord(TickRecord& record, bool hasReading) const;
     void finishTick(TickRecord& record, StageTimer& timer, bool drives);
 

@@ -148,7 +148,9 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
     if (violation.cause == Cause::None) return violation;
     // So fast that it was away before it had swung often enough to tell.
     const Swing& swing = swings_[static_cast<std::size_t>(violation.joint)];
-    if (swing.halves > 0) return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
+    // Where the loop was cut somebody else may have moved the joint.
+    const int least = withheld_[violation.joint] < kSaturated ? 1 : 2;
+    if (swing.halves >= least) return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
     const auto blame = [&](const JointVector& shares, Cause cause) {
         Eigen::Index motor = 0;
         if (shares.maxCoeff(&motor) < kSaturated) return;

@@ -15,10 +15,12 @@ why. It does not follow where
 - a joint oscillates: its velocity error changes its sign kHalfPeriods times within halfPeriod() each, every time
   beyond twice its velocity limit, or beyond a fifth of it with its motor at the torque limit, and over kLeastTravelRad
   or kLeastTravelM. Noise of an encoder changes its sign as fast; it counts only where it is as large as that;
-- the robust loop drives a motor into its torque limit, or to the end of its authority, and back, however little the arm moves: over kPushTicks, and
-  kHalfPeriods times halfPeriod(), its torque changes its sign within halfPeriod(), each time with kPush of what the
-  nominal arm leaves of the motor's limit and kLeastPush of that limit, and the motor was at its limit in kPushedShare of
-  the recent ticks. Noise of an encoder does so by chance for a few ticks, unless it is far beyond the motor's limit.
+- the robust loop drives a motor into its torque limit, or to the end of its authority, and back, however little the arm
+  moves: over kPushTicks, and kHalfPeriods times halfPeriod(), its torque changes its sign within halfPeriod(), each time
+  cut or with kPush of what the nominal arm leaves of the motor's limit and kLeastPush of that limit, and the motor was at
+  its limit or cut in kPushedShare of the recent ticks. Noise of an encoder does so by chance for a few ticks, unless it is
+  far beyond that.
+A joint that is away after one such half, or two where its loop was cut, is taken for one that oscillates.
 Real time: no allocation, lock or throw after begin(). */
 class FollowingWatch {
 public:

@@ -21,7 +21,7 @@ enum class StopReason : unsigned char {
     GuaranteeBroken,   ///< a decision without a stop within the limits, from a filter that guarantees them
     TicksMissed,       ///< more than kMaxMissedTicks in a row were missed
     TrackingLost,      ///< the real arm, as measured, left the bound around the nominal one
-    NotFollowing,      ///< there is no bound, and the real arm ran away or oscillated (see FollowingWatch)
+    NotFollowing,      ///< a joint does not answer its motor; without a bound also: it ran away or oscillated
     PlantFailed,       ///< the real plant failed: the loop ends at once, there is nothing to brake
     /** A measured position jumped farther than a joint can move, or there was no usable external torque for
     more than kMaxSubstitutedTicks. */

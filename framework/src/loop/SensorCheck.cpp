@@ -11,32 +11,40 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
     for (int i = 0; i < setup.size(); ++i) {
         const double speed =
             std::max({-limits.velocity.lower[i], limits.velocity.upper[i], std::abs(setup.start.qd[i])});
-        const bool slides = setup.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
         const double explained =
             bound ? (speed + bound->velocity[i]) * setup.tick_s + 2.0 * (bound->measured[i] - bound->position[i])
             : authority.limits(i) ? 0.0
-            : slides              ? kLeastJump_m
-                                  : kLeastJumpTurns * 2.0 * kPi;
-        largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + kJumpCounts * setup.robot.encoderStep(i), explained);
+                                  : calcLeastJump(setup.robot, i);
+        const double count = setup.robot.encoderStep(i);
+        largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + (count > 0.0 ? kJumpCounts * count : kUnknownJump),
+                              explained);
     }
     return largest;
+}
+
+double calcLeastJump(const RobotDescription& robot, int joint) {
+    return robot.slides(joint) ? kLeastJump_m : kLeastJumpTurns * 2.0 * kPi;
 }
 
 void SensorCheck::setMotion(const RunSetup& setup, Policy& policy) {
     policy.count.resize(setup.size());
     policy.moving.resize(setup.size());
+    policy.largestGrowth.setZero(setup.size());
     for (int i = 0; i < setup.size(); ++i) {
         const double count = setup.robot.encoderStep(i);
         policy.count[i] = count > 0.0 ? count : kUnknownCount;
         const double fastest = std::max(-setup.limits.velocity.lower[i], setup.limits.velocity.upper[i]);
+        const double hardest = std::max(-setup.limits.acceleration.lower[i], setup.limits.acceleration.upper[i]);
         policy.moving[i] = std::max(kMovingCounts * policy.count[i], kMovingShare * fastest * setup.tick_s);
+        if (std::isfinite(hardest))
+            policy.moving[i] = std::max(policy.moving[i], hardest * setup.tick_s * setup.tick_s);
     }
 }
 
 void SensorCheck::begin(const Policy& policy, const JointVector& start) {
     policy_ = policy;
     last_ = start;
-    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &swing_}) v->setZero(start.size());
+    for (JointVector* v : {&deviation_, &changedDeviation_, &goal_, &step_, &swing_, &way_}) v->setZero(start.size());
     still_.fill(0);
     moving_.fill(0);
     elapsed_ = 1;
@@ -50,22 +58,30 @@ double SensorCheck::calcChange(int joint, const JointState& reading, const Motio
 
 bool SensorCheck::isPlausible(int joint, const JointState& reading, const MotionState& nominal) const {
     return !(std::abs(reading.qd[joint]) > policy_.largestSpeed[joint]) &&
-           !(calcChange(joint, reading, nominal) >
-             policy_.largestChange[joint] * static_cast<double>(elapsed_) + kGrowth * swing_[joint]);
+           !(calcChange(joint, reading, nominal) > largestChange(joint));
+}
+
+double SensorCheck::largestChange(int joint) const {
+    return policy_.largestChange[joint] * static_cast<double>(elapsed_) +
+           std::min(kGrowth * swing_[joint], policy_.largestGrowth[joint]);
 }
 
 void SensorCheck::take(int joint, const JointState& reading, const MotionState& nominal) {
-    const double step = std::abs(reading.q[joint] - last_[joint]);
+    const auto elapsed = static_cast<double>(elapsed_);
+    const double step = (reading.q[joint] - last_[joint]) / elapsed;
     const bool stands = step == 0.0;
     last_[joint] = reading.q[joint];
     const double deviation = reading.q[joint] - nominal.q[joint];
-    if (policy_.reference == Reference::LastReading) swing_[joint] = std::abs(deviation - deviation_[joint]);
+    swing_[joint] = std::abs(deviation - deviation_[joint]) / elapsed;
     goal_[joint] = deviation_[joint] = deviation;
     std::int64_t& still = still_[static_cast<std::size_t>(joint)];
     std::int64_t& moving = moving_[static_cast<std::size_t>(joint)];
-    if (!stands) moving = still == 0 && step >= policy_.moving[joint] ? moving + 1 : 0;
+    if (!stands) {
+        moving = still == 0 && std::abs(step) >= policy_.moving[joint] ? moving + 1 : 0;
+        changedDeviation_[joint] = deviation;
+        way_[joint] = step;
+    }
     still = stands ? still + 1 : 0;
-    if (!stands) changedDeviation_[joint] = deviation_[joint];
     elapsed_ = 1;
 }
 
@@ -77,9 +93,10 @@ void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& rea
     reading.qd[joint] = nominal.qd[joint];
 }
 
-bool SensorCheck::isSuspect(int joint) const {
-    return isStill(joint) && moving_[static_cast<std::size_t>(joint)] >= kStillTicks &&
-           std::abs(deviation_[joint] - changedDeviation_[joint]) > kJumpCounts * policy_.count[joint];
+bool SensorCheck::isSuspect(int joint, double least) const {
+    const double on = std::copysign(1.0, way_[joint]) * (changedDeviation_[joint] - deviation_[joint]);
+    return isStill(joint) && moving_[static_cast<std::size_t>(joint)] >= kStillTicks && std::abs(way_[joint]) > least &&
+           on > kJumpCounts * policy_.count[joint];
 }
 
 double SensorCheck::findStillTravel(int joint) const {

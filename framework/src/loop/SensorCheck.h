@@ -18,23 +18,26 @@ below a wrap by a turn. */
 inline constexpr double kJumpSpeeds = 10.0, kJumpCounts = 8.0;
 inline constexpr double kLeastJumpTurns = 0.45, kLeastJump_m = 1.0;
 
-/** What a loop swings that is far too strong for the arm is a motion, too: so many times the change of the deviation from the
-nominal joint in the tick before comes on top. */
+/** Without a bound, what a loop swings that is far too strong for the arm is a motion, too: so many times the change of the
+deviation from the nominal joint in the tick before comes on top, up to kLeastJumpTurns or kLeastJump_m. */
 inline constexpr double kGrowth = 30.0;
 
 /** A reading that stays exactly what it is for so many ticks may be that of a sensor that is stuck. So may one that stops at once
-after as many ticks in each of which it moved by kMovingCounts and kMovingShare of its velocity limit: a joint that friction
-stops is slow before. */
+after as many ticks in each of which it moved by kMovingCounts, by kMovingShare of its velocity limit, and by what its
+acceleration limit changes in a tick. */
 inline constexpr std::int64_t kStillTicks = 5;
 inline constexpr double kMovingCounts = 2.0, kMovingShare = 0.02;
-/** Where an encoder's count is not known [rad, m]. */
-inline constexpr double kUnknownCount = 5e-5;
+/** Where an encoder's count is not known: kJumpCounts of it are one of 16 bits a turn; and for a jump two of 12 bits [rad, m]. */
+inline constexpr double kUnknownCount = 1.2e-5, kUnknownJump = 3e-3;
 
 /** The largest change of each joint's position in a tick under these limits [rad, prismatic: m]; see kJumpSpeeds.
 @param bound  null: none
 @param authority  of the robust loop */
 JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound,
                               const detail::Authority& authority);
+
+/** kLeastJumpTurns or kLeastJump_m of a joint [rad, m]. */
+double calcLeastJump(const RobotDescription& robot, int joint);
 
 /** Tells readings of the joints that a motion explains from those that none does, and says what stands in for the
 latter: the nominal arm plus the last good deviation, since nothing is known of a change.
@@ -58,9 +61,10 @@ public:
         JointVector largestDeviation;  ///< of what stands in for a reading [rad, m]; infinite: any
         JointVector count;             ///< of the encoders [rad, m]; > 0
         JointVector moving;            ///< a step in a tick that is a motion [rad, m]
+        JointVector largestGrowth;     ///< most that kGrowth adds [rad, m]
     };
 
-    /** Count and moving of a policy. */
+    /** Count and moving of a policy, and no growth. */
     static void setMotion(const RunSetup& setup, Policy& policy);
     /** From a start at which the arm is the nominal one. */
     void begin(const Policy& policy, const JointVector& start);
@@ -69,7 +73,10 @@ public:
 
     /** How far a position is from what it is compared with [rad, m]. */
     double calcChange(int joint, const JointState& reading, const MotionState& nominal) const;
-    double largestChange(int joint) const { return policy_.largestChange[joint]; }
+    /** What a motion explains of that [rad, m]. */
+    double largestChange(int joint) const;
+    /** Of the joint's encoder, or what stands for it [rad, m]. */
+    double count(int joint) const { return policy_.count[joint]; }
     /** True when a motion explains the reading of a joint; both finite. */
     bool isPlausible(int joint, const JointState& reading, const MotionState& nominal) const;
 
@@ -82,8 +89,9 @@ public:
 
     /** How far the nominal joint has gone since the reading changed last; 0 where that is less than kStillTicks ago [rad, m]. */
     double findStillTravel(int joint) const;
-    /** The joint moved, and its reading stopped at once, though the nominal joint goes on: it is not known for how long. */
-    bool isSuspect(int joint) const;
+    /** The joint moved, by more than `least` [rad, m] in the last tick, and its reading stopped at once, though the nominal
+    joint goes on that way: it is not known for how long. */
+    bool isSuspect(int joint, double least) const;
     std::int64_t stillTicks(int joint) const { return still_[static_cast<std::size_t>(joint)]; }
     /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
     before, in so many ticks. */
@@ -100,8 +108,8 @@ public:
 
 private:
     Policy policy_;
-    JointVector last_, swing_, deviation_;  // swing: change of the deviation in the last tick
-    JointVector changedDeviation_;          // at the last tick in which the reading changed
+    JointVector last_, swing_, deviation_;  // swing: change of the deviation in a tick, at last
+    JointVector changedDeviation_, way_;    // at the last tick in which the reading changed, and by how much a tick
     JointVector goal_, step_;               // where deviation_ goes while standing in, by how much a tick
     std::array<std::int64_t, kMaxJoints> still_{}, moving_{};  // ticks
     std::int64_t elapsed_ = 1;                                 // ticks since the last good reading

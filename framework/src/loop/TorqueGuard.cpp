@@ -125,7 +125,7 @@ public:
         n_ = robot.size();
         sender_ = &sender;
         torqueLimit_ = robot.actuation.torqueLimit;
-        policy_ = {SensorCheck::Reference::NominalMotion, {}, speed, deviation};
+        policy_ = {SensorCheck::Reference::NominalMotion, {}, speed, deviation, {}, {}, {}};
         for (int i = 0; i < n_; ++i) policy_.largestSpeed[i] += kCounts * robot.encoderStep(i) / tick_s;
         policy_.largestChange = policy_.largestSpeed * tick_s;
         SensorCheck::setMotion(setup, policy_);
@@ -257,11 +257,12 @@ public:
     TickStatus compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                        JointVector& torque) override {
         if (!nric_ || !arm_.hasReading()) {
+            if (!isHolding_) given_ = torque;
             isHolding_ = true;
             hold(nominal, torque);
             return TickStatus::Ok;
         }
-        if (isHolding_) torque = last_;  // to Nric the ticks between are none
+        if (isHolding_) torque = given_;  // to Nric the ticks between are none
         isHolding_ = false;
         const TickStatus status = nric_->compute(real, nominal, filterTorque, torque);
         if (status == TickStatus::Ok) {
@@ -292,7 +293,8 @@ private:
     const Arm& arm_;
     const JointFriction& friction_;
     Nric* nric_;
-    JointVector last_;       // from the last reading
+    JointVector last_;       // asked for by the last reading
+    JointVector given_;      // what the host gave of it
     JointVector lastSpeed_;  // of the nominal arm then
     bool isHolding_ = false;
 };
@@ -330,7 +332,7 @@ struct TorqueGuard::Inside {
         plugins.robustLoop = lend<RobustLoop>(robustLoop);
         plugins.realPlant = lend<RealPlant>(arm);
         RealArmOptions real{nullptr, true, false};
-        real.limitsAuthority = options.limitsAuthority;
+        real.limitsAuthority = options.limitsAuthority && options.hasRobustLoop;
         JointVector slowest = options.convention.torqueRate.expand(robot.size());
         if (options.robustGains) {
             real.motorRate = options.robustGains->motorRate.expand(robot.size());
@@ -478,9 +480,9 @@ const GuardedTorque& TorqueGuard::runStep(const JointState& measured, const Join
     in.waits = in.output.readingFault != ReadingFault::None && !in.loop->isStopping();
     in.law.law = law;
     if (in.waits)
-        in.loop->missTick(in.record);
+        in.loop->missTick(in.record, in.arm.hasReading());
     else
-        in.loop->tick(in.record);
+        in.loop->tick(in.record, in.arm.hasReading());
     in.law.law = {};
     in.answer();
     return in.output;
@@ -493,7 +495,7 @@ void TorqueGuard::missTicks(std::int64_t ticks) noexcept {
     in.arm.setMissing(true);
     for (; ticks > 0 && !in.loop->hasStopped(); --ticks) {
         in.arm.miss(in.loop->nominal());
-        in.loop->missTick(missed);
+        in.loop->missTick(missed, false);
     }
     in.arm.setMissing(false);
 }

@@ -6,6 +6,7 @@
 
 #include "TestArm.h"
 #include "loop/Authority.h"
+#include "loop/SensorCheck.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -42,6 +43,12 @@ protected:
         return torque;
     }
 
+    /** `lasting` has been added to the first joint for long. */
+    void reset(double lasting) {
+        authority_.reset();
+        for (int k = 0; k < 9000; ++k) tick(pair(lasting, 0.0), still_, rest_);
+    }
+
     TestArm arm_{"planar_two_link"};
     std::optional<RunSetup> setup_;
     Authority authority_;
@@ -71,7 +78,7 @@ TEST_F(AuthorityTest, NothingTakesTheTorqueBeyondWhatItSays) {
     for (int k = 0; k < 20000; ++k) {
         const JointState real{pair(any(random), any(random)), pair(any(random), any(random))};
         const JointVector torque = tick(pair(any(random), any(random)), real, rest_);
-        if (random() % 1000 == 0) authority_.open(0);
+        if (random() % 1000 == 0) authority_.open(0, random() % 2 == 0);
         if (random() % 2000 == 0) authority_.reset();
         // lasting + friction at the velocity limit + reach
         const double friction = 3.0 + 2.0 * (1.0 - std::exp(-2.0 / 0.5));
@@ -126,24 +133,102 @@ TEST_F(AuthorityTest, WhatIsTakenOffANominalTorqueBeyondTheMotorIsNoPush) {
     EXPECT_DOUBLE_EQ(torque[0], -80.0 - 13.0);
 }
 
-TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackInFullAndWithoutAStep) {
-    for (int k = 0; k < 9000; ++k) tick(pair(2.0, 0.0), still_, rest_);
-    double impulse = 0.0, last = 2.0;
-    for (int k = 0; k < 6; ++k) {
-        last = tick(pair(1e3, 0.0), still_, rest_, true)[0];
-        impulse += last - 2.0;
+// The real joint, of 1 kg m^2, moves under a reading that is stuck. Its dry friction is any up to twice the figure.
+TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackWithoutAStepAndWithoutThrowingTheJointBack) {
+    for (const double dry : {3.0, 1.5, 0.0}) {
+        reset(2.0);
+        double speed = 0.0, fastest = 0.0, slowest = 0.0, last = 2.0, largestStep = 0.0;
+        const auto move = [&](double torque) {
+            const double push = torque - 2.0, friction = std::clamp(push + speed / 1e-3, -dry, dry);
+            speed += (push - friction) * 1e-3;
+            fastest = std::max(fastest, speed);
+            slowest = std::min(slowest, speed);
+        };
+        for (int k = 0; k < 6; ++k) move(last = tick(pair(1e3, 0.0), still_, rest_, true)[0]);
+        authority_.open(0, true);
+        for (int k = 0; k < 40; ++k) {
+            const double torque = tick(pair(2.0, 0.0), still_, rest_)[0];
+            move(torque);
+            largestStep = std::max(largestStep, std::abs(torque - last));
+            last = torque;
+        }
+        EXPECT_GT(fastest, 0.05);
+        EXPECT_LE(speed, (dry > 0.0 ? 0.2 : 0.5) * fastest) << dry;
+        EXPECT_GE(slowest, -0.15 * fastest) << dry;
+        EXPECT_LE(largestStep, 0.2 * 13.0) << dry;  // of the push
+        EXPECT_NEAR(last, 2.0, 1e-6);
     }
-    authority_.open(0);
-    double largestStep = 0.0;
-    for (int k = 0; k < 40; ++k) {
-        const double torque = tick(pair(2.0, 0.0), still_, rest_)[0];
-        impulse += torque - 2.0;
-        largestStep = std::max(largestStep, std::abs(torque - last));
-        last = torque;
+}
+
+// What a joint takes that rests, or that somebody leads, was no push in vain.
+TEST_F(AuthorityTest, AJointThatRestedOrWasLedIsNotThrown) {
+    const auto findLargest = [&] {  // beyond d, in the direction that takes back
+        double largest = 0.0;
+        for (int k = 0; k < 400; ++k) largest = std::max(largest, 2.0 - tick(pair(2.0, 0.0), still_, rest_)[0]);
+        return largest;
+    };
+    reset(2.0);
+    for (int k = 0; k < 60000; ++k) tick(pair(2.3, 0.0), still_, rest_, true);
+    authority_.open(0, true);
+    EXPECT_LE(findLargest(), 1e-6) << "a minute at rest";
+    reset(2.0);
+    for (int k = 0; k < 2000; ++k) tick(pair(1e3, 0.0), still_, rest_, false);
+    authority_.open(0, true);
+    EXPECT_LE(findLargest(), 1e-6) << "led, and cut all the while";
+    reset(2.0);
+    for (int k = 0; k < 60000; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+    authority_.open(0, false);
+    EXPECT_LE(findLargest(), 1e-6) << "a jump says nothing of what was pushed";
+    reset(2.0);
+    for (int k = 0; k < 60000; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+    double impulse = 0.0;
+    authority_.open(0, true);
+    for (int k = 0; k < 400; ++k) impulse += std::max(0.0, 2.0 - tick(pair(2.0, 0.0), still_, rest_)[0]);
+    EXPECT_LE(impulse, 10.0 * Authority::kTakeBackTicks + 1e-6) << "whatever was pushed";
+}
+
+TEST_F(AuthorityTest, TellsWhatAJointThatReadsTheSameMustHaveDone) {
+    reset(0.0);
+    for (int k = 0; k < 1000; ++k) tick(pair(2.9, 0.9), still_, rest_, true);
+    EXPECT_EQ(authority_.impliedTravel(0), 0.0) << "twice its dry friction may hold it";
+    reset(0.0);
+    for (int k = 0; k < 5; ++k) {
+        EXPECT_FALSE(authority_.isPressed(0)) << k;
+        tick(pair(1e3, 0.0), still_, rest_, true);
     }
-    EXPECT_NEAR(impulse, 0.0, 0.6);      // of some 66 Nm ticks
-    EXPECT_LE(largestStep, 0.2 * 11.0);  // of the push
-    EXPECT_NEAR(last, 2.0, 1e-6);
+    EXPECT_TRUE(authority_.isPressed(0));
+    EXPECT_NEAR(authority_.impliedTravel(0), 10.0 * 15 * 1e-6, 1e-12);  // 13 less 3 Nm on 1 kg m^2, 5 ticks
+    tick(pair(1e3, 0.0), still_, rest_, false);
+    EXPECT_FALSE(authority_.isPressed(0)) << "it moved";
+    EXPECT_EQ(authority_.impliedTravel(0), 0.0);
+    reset(0.0);
+    for (int k = 0; k < 50; ++k) tick(pair(7.9, 0.0), still_, rest_, true);
+    EXPECT_FALSE(authority_.isPressed(0)) << "less than half of its reach beside friction";
+    for (const double after : {4.0, 0.0, -2.9}) {
+        reset(5.0);
+        for (int k = 0; k < 1000; ++k) tick(pair(after, 0.0), still_, rest_, true);
+        EXPECT_EQ(authority_.impliedTravel(0), 0.0) << "what lasted may be gone: " << after;
+    }
+    reset(5.0);
+    tick(pair(-3.1, 0.0), still_, rest_, true);
+    EXPECT_LT(authority_.impliedTravel(0), 0.0);
+    EXPECT_TRUE(authority_.hasAdded(0));
+    EXPECT_FALSE(authority_.hasAdded(1));
+}
+
+TEST_F(AuthorityTest, WiderLimitsCountUntilTheReset) {
+    const auto findFriction = [&] {  // at all the speed that counts
+        for (int k = 0; k < 200; ++k) tick(pair(1e3, 0.0), {pair(0, 0), pair(100.0, 0.0)}, rest_);
+        return tick(pair(1e3, 0.0), {pair(0, 0), pair(100.0, 0.0)}, rest_)[0] - 10.0;
+    };
+    const auto calcFigure = [](double speed) { return 3.0 + 2.0 * (1.0 - std::exp(-speed / 0.5)); };
+    EXPECT_NEAR(findFriction(), calcFigure(2.0), 1e-6);
+    arm_.limits.velocity = {pair(-2.0, -2.0), pair(3.0, 2.0)};
+    authority_.widen(arm_.limits);
+    EXPECT_NEAR(findFriction(), calcFigure(3.0), 1e-6);
+    authority_.reset();
+    EXPECT_NEAR(findFriction(), calcFigure(2.0), 1e-6);
+    Authority().widen(arm_.limits);  // one without limits has none to widen
 }
 
 TEST(AuthoritySizes, FollowFromMotorAndFriction) {
@@ -159,6 +244,81 @@ TEST(AuthoritySizes, FollowFromMotorAndFriction) {
             if (2.0 * arm.robot.actuation.friction.coulomb[i] < motor / 8.0)
                 EXPECT_NEAR(authority.calcRest(i), motor / 4.0, 1e-9);
         }
+    }
+}
+
+/** Readings of one joint: what a check makes of them. */
+class SensorCheckTest : public testing::Test {
+protected:
+    void begin(double largestGrowth) {
+        const JointVector any = JointVector::Constant(1, kInfinity);
+        const auto of = [](double value) { return JointVector(JointVector::Constant(1, value)); };
+        check_.begin({SensorCheck::Reference::LastReading, of(0.01), any, any, of(1e-6), of(2e-5), of(largestGrowth)},
+                     of(0.0));
+        nominal_ = {of(0.0), of(0.0), of(0.0)};
+        real_ = {of(0.0), of(0.0)};
+    }
+    /** The reading, and the nominal joint, after one tick. */
+    void take(double q, double nominal) {
+        real_.q[0] = q;
+        nominal_.q[0] = nominal;
+        check_.take(0, real_, nominal_);
+    }
+    bool isPlausible(double q) {
+        real_.q[0] = q;
+        return check_.isPlausible(0, real_, nominal_);
+    }
+    SensorCheck check_;
+    MotionState nominal_;
+    JointState real_;
+};
+
+TEST_F(SensorCheckTest, AReadingThatStopsAtOnceIsSuspectOnlyWhereTheNominalJointGoesOnThatWay) {
+    for (const double side : {1.0, -1.0})
+        for (const double on : {1.0, 0.0, -1.0}) {  // onwards, stops as well, goes back
+            for (const double step : {5e-5, 1e-5}) {
+                begin(0.0);
+                for (int k = 1; k <= 20; ++k) take(side * step * k, side * step * k);
+                EXPECT_FALSE(check_.isSuspect(0, 2e-5));
+                for (int k = 1; k <= 4; ++k) take(side * step * 20, side * (step * 20 + on * 5e-5 * k));
+                EXPECT_EQ(check_.isSuspect(0, 2e-5), on > 0.0 && step > 2e-5) << side << " " << on << " " << step;
+                EXPECT_FALSE(check_.isSuspect(0, 6e-5)) << "friction may have stopped it";
+                EXPECT_EQ(check_.findStillTravel(0), 0.0) << "after 4 ticks";
+                take(side * step * 20, side * (step * 20 + on * 5e-5 * 5));
+                EXPECT_NEAR(check_.findStillTravel(0), std::abs(on) * 5e-5 * 5, 1e-12);
+            }
+        }
+}
+
+TEST_F(SensorCheckTest, TicksWithoutAReadingMakeNoMotionOfASlowJointAndNoFault) {
+    begin(0.0);
+    for (int k = 1; k <= 20; ++k) {  // 1e-5 a tick, every tenth is read
+        check_.miss(9);
+        take(1e-4 * k, 1e-4 * k);
+    }
+    take(2e-3, 2e-3 + 1e-4);
+    EXPECT_FALSE(check_.isSuspect(0, 2e-5)) << "1e-5 in a tick is slow";
+    EXPECT_EQ(check_.stillTicks(0), 1);
+    check_.miss(100);
+    EXPECT_EQ(check_.stillTicks(0), 1) << "no news is no change";
+    EXPECT_TRUE(isPlausible(2e-3 + 0.9));
+    EXPECT_FALSE(isPlausible(2e-3 + 1.02));
+}
+
+TEST_F(SensorCheckTest, WhatSwingsMayDoMoreUpToAnEnd) {
+    for (const double most : {0.0, 0.5}) {
+        begin(most);
+        take(0.005, 0.0);
+        EXPECT_EQ(isPlausible(0.005 + 0.1), most > 0.0) << "30 times 0.005";
+        EXPECT_FALSE(isPlausible(0.005 + 0.17));
+        take(0.105, 0.0);
+        EXPECT_EQ(isPlausible(0.105 + 0.5), most > 0.0);
+        EXPECT_FALSE(isPlausible(0.105 + 0.52)) << "not 3 rad";
+        EXPECT_NEAR(check_.largestChange(0), 0.01 + most, 1e-12);
+        begin(most);
+        check_.miss(99);
+        take(0.1, 0.0);
+        EXPECT_FALSE(isPlausible(0.1 + 0.05)) << "0.1 in 100 ticks is no swing";
     }
 }
 

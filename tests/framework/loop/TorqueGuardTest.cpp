@@ -660,6 +660,54 @@ TEST(TorqueGuard, TheRobustLoopStandsStillInMissedTicks) {
     EXPECT_EQ(guard.stopReason(), GuardStop::None);
 }
 
+// Ticks without a reading tell nothing: a stuck encoder is found all the same, and a joint that sticks is no stuck encoder.
+TEST(TorqueGuard, MissedTicksNeitherHideAStuckEncoderNorMakeOne) {
+    const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
+    for (const bool isStuck : {true, false}) {
+        TorqueGuard guard(robot, kTick_s);
+        guard.start(atHome(robot));
+        Spring spring{robot.home};
+        spring.target[0] += isStuck ? 1.0 : 1e-3;
+        const JointVector stuck = robot.home;
+        int ticks = 0;
+        for (; ticks < 100 && guard.stopReason() == GuardStop::None; ++ticks) {
+            JointState reading = followExactly(guard);
+            reading.q[0] = stuck[0];
+            reading.qd[0] = 0.0;
+            guard.step(reading, spring);
+            if (ticks % 5 == 4) guard.missTicks(isStuck ? 1 : 6);
+        }
+        EXPECT_EQ(guard.stopReason(), isStuck ? GuardStop::TooFar : GuardStop::None) << guard.stopMessage();
+        if (isStuck) EXPECT_CONTAINS(guard.stopMessage(), "joint0 does not answer its motor");
+    }
+}
+
+TEST(TorqueGuard, WhatIsWithheldIsNotSummedUpHoweverOftenATickIsMissed) {
+    const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
+    for (const int every : {0, 2, 3}) {
+        TorqueGuardOptions options;
+        options.robustGains = NricOptions{600.0, 20.0, 8.0};
+        TorqueGuard guard(robot, kTick_s, options);
+        guard.start(atHome(robot));
+        const Spring spring{robot.home};
+        double largest = 0.0;
+        for (int k = 0; k < 4500;
+             ++k) {  // joint 1 is pushed 50 mrad away, yields a little all the time, and comes back
+            JointState reading = followExactly(guard);
+            reading.q[1] -= std::min({0.05, 1e-4 * k, 1e-4 * (4500 - k)}) + (k % 2 ? 1e-5 : 0.0);
+            guard.step(reading, spring);
+            largest = std::max(largest, std::abs(guard.record().robustTorque[1]));
+            if (every > 0 && k % every == 0) guard.missTicks(1);
+        }
+        ASSERT_EQ(guard.stopReason(), GuardStop::None) << guard.stopMessage();
+        EXPECT_GE(largest, 0.25 * robot.actuation.torqueLimit[1]) << "it was cut";
+        for (int k = 0; k < 20; ++k) guard.step(followExactly(guard), spring);
+        // In full it would be 4 s x 50 mrad x 600 x 8, and cut.
+        EXPECT_LT(std::abs(guard.record().robustTorque[1]), 0.3 * largest) << every;
+        std::printf("  a tick missed in %d: %.1f of %.0f Nm left\n", every, guard.record().robustTorque[1], largest);
+    }
+}
+
 TEST(TorqueGuard, WithoutGainsEveryShippedRobotGetsGainsThatItsPosesCarry) {
     for (const char* name : {"indy7", "panda", "ur5e", "planar_two_link", "single_joint"}) {
         SCOPED_TRACE(name);

@@ -33,25 +33,36 @@ struct Extremes {
     int joint = 0;          ///< that one
     double time_s = 0.0;    ///< then
     double endSpeed = 0.0;  ///< of the fastest joint at the end [rad/s]
-    char text[400] = "";
+    char text[640] = "";
     bool stopped = false;
     bool brokeLimits = false;
     JointVector atFault;  ///< where the real joints were before `fault_s`
+    JointVector
+        drift;  ///< largest speeds of real joints since then while nominal and reading rest, as a share of the limit
     JointVector motions;  ///< largest changes of their positions in a tick that are taken for a motion
 };
 
-/** @param held  the speed of this joint alone: the others are thrown when one stops at once; -1: of all */
-Extremes run(const std::vector<std::string>& overrides, int held = -1, double fault_s = 0.0) {
+/** @param held  the speed of this joint alone: the others are thrown when one stops at once; -1: of all
+@param isFrictionKnown  false: the loop's robot has no figures of it */
+Extremes run(const std::vector<std::string>& overrides, int held = -1, double fault_s = 0.0,
+             bool isFrictionKnown = true) {
     const CasePlan plan = readTestExperiment(kSteps, overrides).cases.front();
     auto configured = configureCase(plan);
     CaseResult result = makeResult(*configured);
     RealArmOptions options;
     options.watchesFollowing = options.limitsAuthority = true;
     options.motorRate = configured->motorRate;
-    ControlLoop loop(configured->setup, std::move(configured->plugins), options);
+    RobotDescription robot = configured->setup.robot;
+    if (!isFrictionKnown) robot.actuation.friction.coulomb.setZero();
+    const RunSetup& own = configured->setup;
+    RunSetup setup{robot, own.limits, own.tick_s, own.duration_s, own.start, own.startTool};
+    setup.delayTicks = own.delayTicks;
+    setup.motorRate = own.motorRate;
+    ControlLoop loop(setup, std::move(configured->plugins), options);
     Extremes found;
     const detail::Authority authority(configured->setup, detail::calcAuthority(configured->setup, nullptr, nullptr));
     found.motions = calcLargestChange(configured->setup, plan.limits, nullptr, authority);
+    found.drift.setZero(plan.robot.size());
     TickRecord record;
     const auto ticks = static_cast<int>(std::lround(plan.duration_s / plan.tick_s));
     const JointVector& fastest = plan.limits.velocity.upper;
@@ -66,6 +77,8 @@ Extremes run(const std::vector<std::string>& overrides, int held = -1, double fa
                 found.beyond = std::max(found.beyond, std::abs(record.motorTorque[i] - record.filterTorque[i]) /
                                                           plan.robot.actuation.torqueLimit[i]);
             const double speed = std::abs(record.actual.qd[i]) / fastest[i];
+            if (record.time_s > fault_s && std::max(std::abs(record.nominal.qd[i]), std::abs(record.real.qd[i])) < 1e-3)
+                found.drift[i] = std::max(found.drift[i], speed);
             if (speed > found.speed && (held < 0 || i == held)) {
                 found.speed = speed;
                 found.joint = i;
@@ -113,6 +126,7 @@ TEST(Fault91, AJointThatIsHeldGetsNoMoreThanItsAuthorityAndIsNotThrown) {
 // The end is that of the nominal arm's stop: a robot's brakes hold it from there on.
 TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
     std::mt19937 random(2);
+    int drifting = 0;
     for (const char* robot : {"indy7", "panda", "ur5e", "planar_two_link"})
         for (const char* fault : {"bias", "spike", "stuck", "sign", "swap"})
             for (int k = 0; k < test::countOf(3); ++k) {
@@ -129,12 +143,22 @@ TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
                 // That of a joint near zero is no larger than a motion (MATH 11).
                 if (fault == std::string("sign") && 2.0 * std::abs(found.atFault[joint]) < found.motions[joint])
                     continue;
+                // Nobody sees how the others move a joint whose encoder sticks while the nominal joint rests.
+                if (fault == std::string("stuck") && found.drift[joint] > 0.1) {
+                    ++drifting;
+                    continue;
+                }
                 EXPECT_LE(found.speed, fault == std::string("stuck") ? 1.5 : 1.25) << o.back();
                 EXPECT_FALSE(found.brokeLimits) << o.back();
+                EXPECT_TRUE(found.stopped || fault == std::string("sign") || fault == std::string("stuck")) << o.back();
             }
+    std::printf("  %d joints with a stuck encoder drifted while the nominal joint rested\n", drifting);
+    EXPECT_LE(drifting, test::countOf(3));  // a quarter
 }
 
-// Free motion with friction of 0.5 to 1.5 times the figures that sticks, a payload and noise that nobody told of.
+// Free motion with friction of 0.5 to 1.5 times the figures that sticks, a payload and noise that nobody told of, if any. Or of up
+// to 0.8 times them where the loop's robot has no figure, so that what sticks is less than an eighth of the motor. Without figures of
+// friction and encoder both a reading shows noise.
 TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
     std::mt19937 random(3);
     const auto share = [&random](double least, double most) {
@@ -142,16 +166,19 @@ TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
     };
     for (const char* robot : {"indy7", "panda", "ur5e", "planar_two_link"})
         for (int k = 0; k < test::countOf(4); ++k) {
+            const bool isFrictionKnown = k % 4 != 3;
             const char* const all[] = {"{velocity_radps: 1.0, acceleration_radps2: 6, jerk_radps3: 40}",
                                        "{velocity_radps: 0.2, acceleration_radps2: 2, jerk_radps3: 20}",
                                        "{velocity_radps: 0.02, acceleration_radps2: 1, jerk_radps3: 40}"};
             std::vector<std::string> o = on(robot, all[random() % 3], random);
             const bool isPlanar = robot == std::string("planar_two_link");
-            o.push_back("real_plant={plugin: simbody, friction: robot, friction_scale: " + share(0.5, 1.5) +
-                        ", breakaway_ratio: " + share(1.0, 1.5) + ", payload_kg: " + share(0.0, isPlanar ? 0.5 : 2.0) +
-                        ", encoder_noise_rad: " + share(0.0, 2e-5) + ", seed: " + std::to_string(random() % 1000) +
-                        "}");
-            const Extremes found = run(o);
+            o.push_back(
+                "real_plant={plugin: simbody, friction: robot, friction_scale: " +
+                (isFrictionKnown ? share(0.5, 1.5) : share(0.3, 0.8)) + ", breakaway_ratio: " + share(1.0, 1.33) +
+                ", payload_kg: " + share(0.0, isPlanar ? 0.5 : 2.0) +
+                ", encoder_noise_rad: " + (random() % 2 || (isPlanar && !isFrictionKnown) ? share(1e-9, 2e-5) : "0") +
+                ", seed: " + std::to_string(random() % 1000) + "}");
+            const Extremes found = run(o, -1, 0.0, isFrictionKnown);
             tell(robot, "free", found, o);
             EXPECT_FALSE(found.stopped) << found.text << "\n" << o[1] << " " << o[2] << " " << o.back();
         }
