@@ -64,6 +64,7 @@ AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop,
 Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
     : n_(setup.size()),
       heldTicks_(kHeldTicks + setup.delayTicks),
+      wayTicks_(std::max(1, static_cast<int>(0.5 * kTakeBack_s / setup.tick_s))),
       tick_s_(setup.tick_s),
       sizes_(std::move(sizes)),
       torqueLimit_(setup.robot.actuation.torqueLimit),
@@ -74,8 +75,8 @@ Authority::Authority(const RunSetup& setup, AuthoritySizes sizes)
 
 void Authority::reset() {
     fastest_ = ownFastest_;
-    for (JointVector* v :
-         {&velocity_, &lasting_, &lowest_, &highest_, &last_, &excess_, &owed_, &impliedMomentum_, &impliedTravel_})
+    for (JointVector* v : {&velocity_, &lasting_, &lowest_, &highest_, &last_, &excess_, &owed_, &pushedMomentum_,
+                           &impliedMomentum_, &impliedTravel_})
         v->setZero(n_);
     for (auto* ticks : {&cutTicks_, &cutSide_, &pressedTicks_, &backTick_, &backTicks_}) ticks->fill(0);
     for (auto* flags : {&isHeld_, &isPressing_, &isOpen_, &hasAdded_}) flags->fill(false);
@@ -95,11 +96,6 @@ double Authority::calcFigure(int joint, double speed) const {
 
 double Authority::calcRest(int joint) const {
     return sizes_.reach[joint] + calcFriction(joint, 0.0);
-}
-
-double Authority::calcDryFriction(int joint) const {
-    const double coulomb = figures_.coulomb[joint];
-    return coulomb > 0.0 ? kFrictionFactor * coulomb : kPressing * sizes_.reach[joint];
 }
 
 double Authority::calcHold(int joint) const {
@@ -162,15 +158,15 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
     return isChanged;
 }
 
-/** d, and on the way there what is left of the torque before: down from it in the first half; the impulse as a triangle over all
-of it. */
+/** d, and on the way there what is left of the torque before, down from it in wayTicks_; the impulse as a triangle over all of
+it. */
 double Authority::calcOpen(int joint) {
     int& tick = backTick_[index(joint)];
     const int ticks = backTicks_[index(joint)];
     if (tick >= ticks) return lasting_[joint];
     const double half = 0.5 * ticks, k = ++tick;
     const double weight = (k <= half ? k : ticks - k) / (half * half);
-    const double back = excess_[joint] * std::max(0.0, 1.0 - k / half) - owed_[joint] * weight;
+    const double back = excess_[joint] * std::max(0.0, 1.0 - k / wayTicks_) - owed_[joint] * weight;
     return std::clamp(lasting_[joint] + back, std::min(lowest_[joint], lasting_[joint]),
                       std::max(highest_[joint], lasting_[joint]));
 }
@@ -182,16 +178,20 @@ void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoint
         last_[i] = torque[i];
         hasAdded_[at] = hasAdded_[at] || torque[i] != 0.0;
         if (!isStill[at]) {
-            impliedMomentum_[i] = impliedTravel_[i] = 0.0;
+            pushedMomentum_[i] = impliedMomentum_[i] = impliedTravel_[i] = 0.0;
             pressedTicks_[at] = 0;
             continue;
         }
         pressedTicks_[at] = isPressing_[at] ? pressedTicks_[at] + 1 : 0;
         // What lasted may be gone since. Dry friction stops the joint where it can, and takes its most from one that moves.
         const double beyond = torque[i] - std::clamp(torque[i], std::min(0.0, lasting_[i]), std::max(0.0, lasting_[i]));
-        const double hold = calcHold(i);
-        const double friction = std::clamp(beyond + impliedMomentum_[i] / tick_s_, -hold, hold);
-        impliedMomentum_[i] += (beyond - friction) * tick_s_;
+        const auto push = [&](double& momentum, double hold) {
+            const double friction = std::clamp(beyond + momentum / tick_s_, -hold, hold);
+            momentum += (beyond - friction) * tick_s_;
+        };
+        push(pushedMomentum_[i], calcHold(i));
+        // Of a joint that stood, friction the other way may be in what lasted.
+        push(impliedMomentum_[i], 2.0 * calcHold(i));
         if (inertia[i] > 0.0) impliedTravel_[i] += impliedMomentum_[i] / inertia[i] * tick_s_;
     }
 }
@@ -204,13 +204,14 @@ void Authority::open(int joint, bool isInVain) {
     cutTicks_[at] = pressedTicks_[at] = backTick_[at] = 0;
     excess_[joint] = last_[joint] - lasting_[joint];
     // A triangle of 2 `half` ticks has the peak owed / half. What the way down pushes beyond friction is owed, too.
-    double owed = isInVain ? impliedMomentum_[joint] / tick_s_ : 0.0;
-    const double least = std::max(1.0, std::floor(0.5 * kTakeBack_s / tick_s_)),
-                 most = kTakeBackShare * sizes_.reach[joint];
-    double half = least;
-    if (most > 0.0) half = std::clamp(std::ceil(std::abs(owed) / most), least, std::max<double>(least, kTakeBackTicks));
+    double owed = isInVain ? pushedMomentum_[joint] / tick_s_ : 0.0;
     const double hold = calcHold(joint), pushing = excess_[joint] - std::clamp(excess_[joint], -hold, hold);
-    if (owed * pushing > 0.0) owed += 0.5 * (half - 1.0) * pushing * pushing / excess_[joint];
+    if (owed * pushing > 0.0) owed += 0.5 * (wayTicks_ - 1) * pushing * pushing / excess_[joint];
+    const double most = kTakeBackShare * sizes_.reach[joint],
+                 longest = std::clamp<double>(kTakeBackTicks, wayTicks_,
+                                              std::max<double>(wayTicks_, 0.5 * kLasting_s / tick_s_));
+    const double half = std::floor(most > 0.0 ? std::clamp(std::ceil(std::abs(owed) / most), 1.0 * wayTicks_, longest)
+                                              : 1.0 * wayTicks_);
     owed_[joint] = std::clamp(owed, -sizes_.reach[joint] * half, sizes_.reach[joint] * half);
     backTicks_[at] = 2 * static_cast<int>(half);
 }

@@ -42,7 +42,7 @@ A joint that was cut for kHeldTicks is let go without a throw: until it is near 
 its law answers with a velocity kFastReturn times the limit.
 
 It also tells how far a joint must have been pushed since its reading changed last, where dry friction took what it can
-(calcHold()). A joint whose readings are of no use is left to d (open()).
+(twice calcHold()). A joint whose readings are of no use is left to d (open()).
 Real time: no allocation, lock or throw after construction. */
 class Authority {
 public:
@@ -52,8 +52,8 @@ public:
     /** A joint that is pressed with more than this share of its reach for kHeldTicks, and stands exactly still, does not
     answer. */
     static constexpr double kPressing = 0.5;
-    /** What was pushed in vain is taken back in this time [s], or in twice kTakeBackTicks where that is longer and the push takes
-    more than this share of the reach. The reach itself is not exceeded: what it cannot do in that time is left to friction. */
+    /** What was pushed in vain is taken back in this time [s]. It takes up to twice kTakeBackTicks, and kLasting_s, where that is
+    longer and it takes more than this share of the reach. The reach itself is not exceeded: the rest is left to friction. */
     static constexpr double kTakeBack_s = 0.025, kTakeBackShare = 0.5;
     static constexpr int kTakeBackTicks = 20;
     /** Slower than this a joint is not sure to move, and dry friction may act either way [rad/s, m/s]. */
@@ -87,7 +87,8 @@ public:
     double added(int joint) const { return last_[joint]; }
     /** The joint reads the same, and was pushed for some ticks by more than friction and d explain: it should have moved. */
     bool isPressed(int joint) const { return pressedTicks_[index(joint)] >= heldTicks_; }
-    /** How far the joint must have been pushed since its reading changed last, with what is beyond d, 0 and calcHold() [rad, m]. */
+    /** How far the joint must have been pushed since its reading changed last, with what is beyond d, 0 and twice calcHold()
+    [rad, m]: half of that may have held it against what lasted. */
     double impliedTravel(int joint) const { return impliedTravel_[joint]; }
     bool isOpen(int joint) const { return isOpen_[index(joint)]; }
     /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
@@ -99,9 +100,8 @@ public:
     double calcRest(int joint) const;
     /** And after a push that grew so slowly that it was taken for what lasts [Nm]. */
     double calcMost(int joint) const { return calcRest(joint) + sizes_.lasting[joint]; }
-    /** Most that dry friction may stop a joint with [Nm]: twice the figure; without one kPressing of the reach. */
-    double calcDryFriction(int joint) const;
-    /** What a joint that stands may take beyond d, or beyond nothing, without moving, as far as is known [Nm]. */
+    /** What a joint that stands may take without moving, as far as is known: its dry friction; with a bound kPressing of the
+    reach [Nm]. */
     double calcHold(int joint) const;
 
 private:
@@ -110,7 +110,7 @@ private:
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);
 
-    int n_ = 0, heldTicks_ = 0;
+    int n_ = 0, heldTicks_ = 0, wayTicks_ = 1;
     double tick_s_ = 0.0;
     AuthoritySizes sizes_;
     JointVector torqueLimit_;
@@ -121,8 +121,8 @@ private:
     std::array<int, kMaxJoints> cutTicks_{}, cutSide_{}, pressedTicks_{};
     std::array<bool, kMaxJoints> isHeld_{}, isNear_{}, isPressing_{}, isOpen_{}, hasAdded_{};
 
-    // Since the reading changed last, if the joint did not stand [Nms, Ns; rad, m].
-    JointVector impliedMomentum_, impliedTravel_;
+    // Since the reading changed last, if the joint did not stand, by calcHold() and by twice that [Nms, Ns; rad, m].
+    JointVector pushedMomentum_, impliedMomentum_, impliedTravel_;
     // Of an open joint at the beginning: torque beyond d [Nm], and impulse that is owed [Nm ticks].
     JointVector excess_, owed_;
     std::array<int, kMaxJoints> backTick_{}, backTicks_{};  // now, and of all the way

@@ -20,6 +20,9 @@ constexpr double kOutsideCounts = 4.0, kOutside = 1e-4;  // [rad, m]
 /** How far a joint that reads the same must be implied to have moved before it is stuck or held, whatever its friction. */
 constexpr double kVisible_rad = 0.02, kVisible_m = 0.01;
 
+/** Without a figure of friction: it stops a joint at once that moved by so many times SensorCheck::moving(). */
+constexpr double kSlow = 2.5;
+
 /** A share that is smaller is nothing. */
 constexpr double kRounding = 1e-9;
 
@@ -116,7 +119,7 @@ void ControlLoop::reset() {
     real_ = actual_ = plausible_ = {start.q, start.qd};
     isPlausible_.fill(true);
     missingExternalTorques_ = missedInRow_ = releaseTicks_ = 0;
-    isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = false;
+    isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = isWithheld_ = false;
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
@@ -231,28 +234,31 @@ bool ControlLoop::replaceStillReading(int joint) {
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
 pushed with in vain is taken back. */
 void ControlLoop::checkAnswers() {
-    if (hasFailed()) return;
+    if (hasFailed() || !isLoopAsked_) return;
     const JointMatrix& M = nominalArm_.dynamics().M;
     for (int i = 0; i < n_; ++i) {
         const auto at = static_cast<std::size_t>(i);
         if (!isPlausible_[at] || !authority_.limits(i) || !authority_.hasAdded(i)) continue;
-        // Friction may stop a joint that is slow, too.
+        const double coulomb = setup_.robot.actuation.friction.coulomb[i];
         const double inertia = M.rows() == n_ ? M(i, i) : 0.0;
-        const double slow =
-            inertia > 0.0 ? authority_.calcDryFriction(i) / inertia * setup_.tick_s * setup_.tick_s : 0.0;
-        const bool isSuspect = !options_.bound && sensors_.isSuspect(i, slow);
+        // Friction may stop a joint that is slow as well.
+        const double slow = coulomb > 0.0 && inertia > 0.0
+                                ? authority_.calcHold(i) / inertia * setup_.tick_s * setup_.tick_s
+                                : kSlow * sensors_.moving(i);
         const bool isLong = sensors_.stillTicks(i) >= kStillTicks;
+        const bool isSuspect = !options_.bound && sensors_.isSuspect(i);
         const double implied = options_.bound ? 0.0 : std::abs(authority_.impliedTravel(i));
-        const double travel = sensors_.findStillTravel(i), count = kJumpCounts * sensors_.count(i);
+        const double travel = sensors_.findStillTravel(i);
+        const double count = setup_.robot.encoderStep(i) > 0.0 ? kJumpCounts * sensors_.count(i) : kUnknownJump;
         // Without a figure of dry friction nobody knows what a joint that stands takes. One that sticks reads exactly the same
         // where the encoder has counts; then the nominal joint must go on, too.
-        const bool isImplied = setup_.robot.actuation.friction.coulomb[i] > 0.0
+        const bool isImplied = coulomb > 0.0
                                    ? implied > count
                                    : (setup_.robot.encoderStep(i) > 0.0 ? std::min(implied, travel) : implied) >
                                          (setup_.robot.slides(i) ? kVisible_m : kVisible_rad);
-        const bool isPressed = authority_.isPressed(i) && (!options_.bound || travel > count);
-        const bool isStill = isLong && (isSuspect || isPressed || isImplied);
-        if (isSuspect && !isStill) {  // until that is known, it is not pushed
+        const bool isPressed = authority_.isPressed(i) && (!options_.bound || travel > kJumpCounts * sensors_.count(i));
+        const bool isStill = isLong && ((isSuspect && sensors_.lastStep(i) > slow) || isPressed || isImplied);
+        if (isSuspect && !isLong) {  // until that is known, it is not pushed
             plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
             plausible_.qd[i] = nominal().qd[i];
         }
@@ -311,6 +317,9 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || hasFailed() || stopReason() == StopReason::SensorFailed) return;
     if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
+        const detail::FollowingWatch::Torques torques{motorTorque_, robustTorque_, appliedTorque_, authority_};
+        if (isWithheld_ && following_.update(plausible_, nominal(), torques, elapsedTicks).cause == Cause::Oscillation)
+            endRobustLoop(true);
         if (!following_.runsAway(plausible_, nominal())) return;
         if (drifts_) endRobustLoop(false);
         releaseToRobot();
@@ -320,6 +329,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_, authority_}, elapsedTicks);
     if (found.cause == Cause::None) return;
     drifts_ = found.cause == Cause::Drift;
+    isWithheld_ = found.cause == Cause::Withheld;
     isTrackingLost_ = true;
     const char* const joint = getJointName(setup_.robot, found.joint);
     const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(found.joint));
@@ -406,7 +416,7 @@ void ControlLoop::checkReading() {
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
             std::snprintf(message, sizeof message,
-                          "the position that it reports of %.60s jumped by %.4g %s in a tick, in which %.4g "
+                          "the position that it reports of %.60s jumped by %.4g %s between two readings, where %.4g "
                           "%s would be more than any motion of it",
                           getJointName(setup_.robot, i), sensors_.calcChange(i, real_, nominal()), unit,
                           sensors_.largestChange(i), unit);

@@ -173,6 +173,7 @@ private:
     JointVector lostError_;       // when the tracking was lost, at least the bound
     bool hasLeftLimits_ = false;  // the nominal arm, those that the bound is for
     double leftLimits_s_ = 0.0;   // when first
+    bool isWithheld_ = false;     // away, and the motors get the most that may be added
     bool drifts_ = false;         // away though its motors had torque to spare
 
     // What the motors are told.

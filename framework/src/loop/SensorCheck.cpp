@@ -93,9 +93,9 @@ void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& rea
     reading.qd[joint] = nominal.qd[joint];
 }
 
-bool SensorCheck::isSuspect(int joint, double least) const {
+bool SensorCheck::isSuspect(int joint) const {
     const double on = std::copysign(1.0, way_[joint]) * (changedDeviation_[joint] - deviation_[joint]);
-    return isStill(joint) && moving_[static_cast<std::size_t>(joint)] >= kStillTicks && std::abs(way_[joint]) > least &&
+    return isStill(joint) && moving_[static_cast<std::size_t>(joint)] >= kStillTicks &&
            on > kJumpCounts * policy_.count[joint];
 }
 

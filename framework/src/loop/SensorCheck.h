@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 #include "loop/Authority.h"
@@ -89,9 +90,12 @@ public:
 
     /** How far the nominal joint has gone since the reading changed last; 0 where that is less than kStillTicks ago [rad, m]. */
     double findStillTravel(int joint) const;
-    /** The joint moved, by more than `least` [rad, m] in the last tick, and its reading stopped at once, though the nominal
-    joint goes on that way: it is not known for how long. */
-    bool isSuspect(int joint, double least) const;
+    /** The joint moved, and its reading stopped at once, though the nominal joint goes on that way: it is not known for how
+    long. */
+    bool isSuspect(int joint) const;
+    /** By how much its reading changed at last in a tick, and what is a motion [rad, m]. */
+    double lastStep(int joint) const { return std::abs(way_[joint]); }
+    double moving(int joint) const { return policy_.moving[joint]; }
     std::int64_t stillTicks(int joint) const { return still_[static_cast<std::size_t>(joint)]; }
     /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
     before, in so many ticks. */

@@ -667,18 +667,30 @@ TEST(TorqueGuard, MissedTicksNeitherHideAStuckEncoderNorMakeOne) {
         TorqueGuard guard(robot, kTick_s);
         guard.start(atHome(robot));
         Spring spring{robot.home};
-        spring.target[0] += isStuck ? 1.0 : 1e-3;
-        const JointVector stuck = robot.home;
-        int ticks = 0;
-        for (; ticks < 100 && guard.stopReason() == GuardStop::None; ++ticks) {
+        spring.target[0] += 1.0;
+        double lag = 0.0;  // of the reading
+        int stands = 0;
+        bool wasMissed = false;
+        for (int k = 0; k < 200 && guard.stopReason() == GuardStop::None; ++k) {
+            // One that is not stuck sticks at the beginning alone, and some ticks are missed just before it breaks loose.
+            if (isStuck || (lag < 2e-3 && stands < 80)) {
+                lag = guard.nominal().q[0] - robot.home[0];
+                ++stands;
+            }
             JointState reading = followExactly(guard);
-            reading.q[0] = stuck[0];
-            reading.qd[0] = 0.0;
+            const bool stood = lag == guard.nominal().q[0] - robot.home[0];
+            reading.q[0] = stood ? robot.home[0] : reading.q[0] - lag;
+            if (stood) reading.qd[0] = 0.0;
             guard.step(reading, spring);
-            if (ticks % 5 == 4) guard.missTicks(isStuck ? 1 : 6);
+            const bool misses = isStuck ? k % 5 == 4 : !wasMissed && guard.nominal().qd[0] > 0.052;
+            if (misses) guard.missTicks(isStuck ? 1 : 6);
+            wasMissed |= misses;
         }
+        EXPECT_TRUE(wasMissed);
+        EXPECT_GE(stands, 5);
         EXPECT_EQ(guard.stopReason(), isStuck ? GuardStop::TooFar : GuardStop::None) << guard.stopMessage();
         if (isStuck) EXPECT_CONTAINS(guard.stopMessage(), "joint0 does not answer its motor");
+        std::printf("  %d readings that stand, %.3f rad/s in the end\n", stands, guard.nominal().qd[0]);
     }
 }
 

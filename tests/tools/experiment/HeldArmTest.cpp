@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <random>
 
 #include "CaseSupport.h"
@@ -38,22 +39,32 @@ struct Extremes {
     bool brokeLimits = false;
     JointVector atFault;  ///< where the real joints were before `fault_s`
     JointVector
-        drift;  ///< largest speeds of real joints since then while nominal and reading rest, as a share of the limit
+        drift;  ///< largest speeds of real joints since then until the nominal ones move, as shares of the limits
+    JointVector travel;   ///< of the nominal joints since then until the stop [rad]
     JointVector motions;  ///< largest changes of their positions in a tick that are taken for a motion
 };
 
-/** @param held  the speed of this joint alone: the others are thrown when one stops at once; -1: of all
-@param isFrictionKnown  false: the loop's robot has no figures of it */
-Extremes run(const std::vector<std::string>& overrides, int held = -1, double fault_s = 0.0,
-             bool isFrictionKnown = true) {
-    const CasePlan plan = readTestExperiment(kSteps, overrides).cases.front();
+/** What a run is watched for. */
+struct Watch {
+    int held = -1;  ///< the speed of this joint alone: the others are thrown when one stops; -1: of all
+    double fault_s = 0.0;
+    bool isFrictionKnown = true;  ///< false: the loop's robot has no figures of it
+    double friction = 0.0;        ///< dry, of joints without a figure, as a share of the motor
+};
+
+Extremes run(const std::vector<std::string>& overrides, const Watch& watch = {}) {
+    const int held = watch.held;
+    CasePlan plan = readTestExperiment(kSteps, overrides).cases.front();
+    JointFriction& figures = plan.robot.actuation.friction;
+    for (int i = 0; i < plan.robot.size(); ++i)
+        if (figures.coulomb[i] == 0.0) figures.coulomb[i] = watch.friction * plan.robot.actuation.torqueLimit[i];
     auto configured = configureCase(plan);
     CaseResult result = makeResult(*configured);
     RealArmOptions options;
     options.watchesFollowing = options.limitsAuthority = true;
     options.motorRate = configured->motorRate;
     RobotDescription robot = configured->setup.robot;
-    if (!isFrictionKnown) robot.actuation.friction.coulomb.setZero();
+    if (!watch.isFrictionKnown) robot.actuation.friction.coulomb.setZero();
     const RunSetup& own = configured->setup;
     RunSetup setup{robot, own.limits, own.tick_s, own.duration_s, own.start, own.startTool};
     setup.delayTicks = own.delayTicks;
@@ -63,13 +74,15 @@ Extremes run(const std::vector<std::string>& overrides, int held = -1, double fa
     const detail::Authority authority(configured->setup, detail::calcAuthority(configured->setup, nullptr, nullptr));
     found.motions = calcLargestChange(configured->setup, plan.limits, nullptr, authority);
     found.drift.setZero(plan.robot.size());
+    found.travel.setZero(plan.robot.size());
+    JointVector atRest = JointVector::Ones(plan.robot.size());  // since the fault
     TickRecord record;
     const auto ticks = static_cast<int>(std::lround(plan.duration_s / plan.tick_s));
     const JointVector& fastest = plan.limits.velocity.upper;
     for (int k = 0; k < ticks && !loop.hasStopped(); ++k) {  // as a run: then brakes hold
         loop.tick(record);
         result.summary.add(record);
-        if (record.time_s < fault_s) found.atFault = record.actual.q;
+        if (record.time_s < watch.fault_s) found.atFault = record.actual.q;
         for (int i = 0; i < plan.robot.size(); ++i) {
             const bool rests =
                 std::abs(record.actual.qd[i]) < 1e-3;  // else twice the friction of its motion comes on top
@@ -77,8 +90,11 @@ Extremes run(const std::vector<std::string>& overrides, int held = -1, double fa
                 found.beyond = std::max(found.beyond, std::abs(record.motorTorque[i] - record.filterTorque[i]) /
                                                           plan.robot.actuation.torqueLimit[i]);
             const double speed = std::abs(record.actual.qd[i]) / fastest[i];
-            if (record.time_s > fault_s && std::max(std::abs(record.nominal.qd[i]), std::abs(record.real.qd[i])) < 1e-3)
-                found.drift[i] = std::max(found.drift[i], speed);
+            if (record.time_s > watch.fault_s) {
+                if (std::abs(record.nominal.qd[i]) > 1e-3) atRest[i] = 0.0;
+                found.drift[i] = std::max(found.drift[i], speed * atRest[i]);
+                if (!loop.isStopping()) found.travel[i] += std::abs(record.nominal.qd[i]) * plan.tick_s;
+            }
             if (speed > found.speed && (held < 0 || i == held)) {
                 found.speed = speed;
                 found.joint = i;
@@ -115,7 +131,7 @@ TEST(Fault91, AJointThatIsHeldGetsNoMoreThanItsAuthorityAndIsNotThrown) {
             o.push_back("real_plant={plugin: simbody, friction: robot, blocked_joint: " + std::to_string(joint) +
                         ", blocked_from_s: " + std::to_string(from) +
                         ", blocked_until_s: " + std::to_string(from + 2.0) + "}");
-            const Extremes found = run(o, joint);
+            const Extremes found = run(o, {joint});
             tell(robot, "held", found, o);
             EXPECT_LE(found.beyond, 0.28) << o.back();  // a quarter, d, and friction of the motion before fades
             EXPECT_LE(found.speed, 1.1) << o.back();
@@ -138,7 +154,7 @@ TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
                 o.push_back(std::string("real_plant={plugin: simbody, sensor_fault: ") + fault +
                             ", sensor_fault_rad: 0.2, sensor_fault_joint: " + std::to_string(joint) +
                             ", sensor_fault_from_s: " + std::to_string(from) + "}");
-                const Extremes found = run(o, -1, from);
+                const Extremes found = run(o, {-1, from});
                 tell(robot, fault, found, o);
                 // That of a joint near zero is no larger than a motion (MATH 11).
                 if (fault == std::string("sign") && 2.0 * std::abs(found.atFault[joint]) < found.motions[joint])
@@ -150,13 +166,16 @@ TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
                 }
                 EXPECT_LE(found.speed, fault == std::string("stuck") ? 1.5 : 1.25) << o.back();
                 EXPECT_FALSE(found.brokeLimits) << o.back();
-                EXPECT_TRUE(found.stopped || fault == std::string("sign") || fault == std::string("stuck")) << o.back();
+                // An encoder that sticks is found when the joint is to move.
+                const bool isFound =
+                    fault == std::string("stuck") ? found.travel[joint] > 0.03 : fault != std::string("sign");
+                EXPECT_TRUE(found.stopped || !isFound) << o.back();
             }
     std::printf("  %d joints with a stuck encoder drifted while the nominal joint rested\n", drifting);
     EXPECT_LE(drifting, test::countOf(3));  // a quarter
 }
 
-// Free motion with friction of 0.5 to 1.5 times the figures that sticks, a payload and noise that nobody told of, if any. Or of up
+// Free motion at three speeds and two ticks with friction of 0.5 to 1.5 times the figures that sticks, a payload and noise that nobody told of, if any. Or of up
 // to 0.8 times them where the loop's robot has no figure, so that what sticks is less than an eighth of the motor. Without figures of
 // friction and encoder both a reading shows noise.
 TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
@@ -178,9 +197,12 @@ TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
                 ", payload_kg: " + share(0.0, isPlanar ? 0.5 : 2.0) +
                 ", encoder_noise_rad: " + (random() % 2 || (isPlanar && !isFrictionKnown) ? share(1e-9, 2e-5) : "0") +
                 ", seed: " + std::to_string(random() % 1000) + "}");
-            const Extremes found = run(o, -1, 0.0, isFrictionKnown);
+            const Extremes found = run(o, {-1, 0.0, isFrictionKnown, 0.04});
             tell(robot, "free", found, o);
-            EXPECT_FALSE(found.stopped) << found.text << "\n" << o[1] << " " << o[2] << " " << o.back();
+            // Wrists without rotors carry gains that do not overcome so much friction: that is another word.
+            const bool isWeak = (robot == std::string("ur5e") || robot == std::string("panda")) &&
+                                std::strstr(found.text, "does not follow");
+            EXPECT_TRUE(!found.stopped || isWeak) << found.text << "\n" << o[1] << " " << o[2] << " " << o.back();
         }
 }
 
