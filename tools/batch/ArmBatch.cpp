@@ -17,6 +17,7 @@
 #include "filter/JointBraking.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "host/FloatingPointGuard.h"
+#include "loop/Authority.h"
 #include "loop/GuardSetup.h"
 #include "loop/PathExtent.h"
 #include "robot/ArmRecursion.h"
@@ -64,6 +65,8 @@ struct RealArm {
     RunSetup setup;
     PluginPtr<RealPlant> plant{nullptr, nullptr};
     Nric nric;
+    detail::Authority authority;
+    JointVector robust;  // added in the tick before [Nm]
 };
 
 /** The filter of an arm that keeps clear of what is around. */
@@ -78,7 +81,7 @@ struct WholeArm {
 struct Scratch {
     MotionState nominal;
     Dynamics dynamics;
-    JointVector torque, rate, jerk, robust, applied;
+    JointVector torque, rate, jerk, motors, applied;
     FilterDecision decision;
     HeldMotion motion;
     // What the action is:
@@ -105,12 +108,14 @@ bool read(const RealArm& real, JointState& out) {
 
 /** The real arm's tick; false: it failed. */
 bool drive(RealArm& real, Scratch& s) {
-    if (!read(real, s.measured)) return false;
+    const int n = real.setup.size();
+    if (!read(real, s.measured) || !isFinite(s.measured, n)) return false;
     try {
-        s.robust.resize(0);  // another arm's, and no news of what was withheld
-        if (real.nric.compute(s.measured, s.nominal, s.motion.torque, s.robust) != TickStatus::Ok) return false;
-        s.robust += s.motion.torque;
-        return real.plant->advance(s.robust, s.applied) == TickStatus::Ok && isFinite(s.applied, real.setup.size());
+        real.authority.update(s.nominal, s.measured);
+        if (real.nric.compute(s.measured, s.nominal, s.motion.torque, real.robust) != TickStatus::Ok) return false;
+        real.authority.cut(s.motion.torque, real.robust);
+        s.motors = s.motion.torque + real.robust;
+        return real.plant->advance(s.motors, s.applied) == TickStatus::Ok && isFinite(s.applied, n);
     } catch (...) {  // a plugin's; it must not end the thread
         return false;
     }
@@ -271,6 +276,7 @@ void ArmBatch::Impl::makePlants() {
         nric.inertiaRate = loop.inertiaRate;
         if (motorRate.size() > 0) nric.motorRate = motorRate;
         one->nric.configure(one->setup, nric);
+        one->authority = detail::Authority(one->setup, detail::calcAuthority(one->setup, &loop, nullptr));
         real.push_back(std::move(one));
     }
     for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
@@ -346,6 +352,9 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
         RealArm& one = *real[count(arm)];
         one.plant->reset(start);
         one.nric.reset(start);
+        one.authority.reset();
+        one.authority.widen(at.limits);
+        one.robust.setZero(n);
         JointState measured;
         if (!read(one, measured))
             throw Error(ErrorKind::PluginFailed, nameArm(arm),
@@ -408,6 +417,7 @@ void ArmBatch::Impl::changeLimits(const std::vector<int>& which, const std::vect
         if (surroundings) wholeArms[arm]->filter.changeLimits(to[i]);
         if (!servos.empty()) servos[arm].changeLimits(to[i]);
         if (isTool) tools[arm].changeLimits(to[i]);
+        if (!real.empty()) real[arm]->authority.widen(to[i]);
         fillMargins(which[i]);
     }
 }

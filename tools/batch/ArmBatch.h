@@ -40,8 +40,9 @@ struct ArmBatchOptions {
     std::optional<Environment> environment;
     /** A real arm behind each nominal one: the `real_plant` block of an experiment file, values of it drawn anew for each arm
     where they are `~uniform(...)` and the like (see experiments/README.md), of run number arm. Such as
-    `{plugin: simbody, dynamics: recursion, payload_kg: "~uniform(0, 2)"}`; empty: none. Nric with the gains of scaleGains() keeps it next to
-    the nominal arm. */
+    `{plugin: simbody, dynamics: recursion, payload_kg: "~uniform(0, 2)"}`; empty: none.
+    Nric with the gains of scaleGains() keeps it next to the nominal arm. What it adds has an end, as in a run (MATH 11). Nobody
+    stops an arm that is held. */
     std::string plant;
     std::uint64_t seed = 1;                         ///< of the draws
     std::vector<std::filesystem::path> pluginPath;  ///< where the plant is searched (PluginLoader)

@@ -9,6 +9,7 @@
 #include "Commands.h"
 #include "core/JsonNumber.h"
 #include "core/Text.h"
+#include "experiment/CaseForecast.h"
 #include "experiment/ConfiguredCase.h"
 #include "experiment/ExperimentFile.h"
 #include "viable/core/Error.h"
@@ -35,7 +36,9 @@ void printRow(const std::string& name, const JointVector& values, int width, dou
     std::printf("\n");
 }
 
-void print(const CasePlan& plan, const TrackingBound& bound) {
+void print(const ConfiguredCase& configured) {
+    const CasePlan& plan = configured.plan;
+    const TrackingBound& bound = *configured.bound;
     const int n = plan.robot.size();
     int sliding = 0;
     for (int i = 0; i < n; ++i) sliding += plan.robot.slides(i);
@@ -88,6 +91,7 @@ void print(const CasePlan& plan, const TrackingBound& bound) {
     printRow("the motors give", bound.motorTorque, width);
     printRow("robust torque, change per tick", bound.torqueStep, width);
     printRow("of its integral", bound.integralTorque, width);
+    if (const auto sizes = findAuthority(configured)) printRow("robust torque, cut beyond", sizes->reach, width);
     std::string tight;
     for (int i = 0; i < n; ++i)
         if (bound.torque[i] > bound.motorTorque[i])
@@ -101,7 +105,9 @@ void print(const CasePlan& plan, const TrackingBound& bound) {
     std::printf("\n");
 }
 
-nlohmann::json makeJson(const CasePlan& plan, const TrackingBound& b) {
+nlohmann::json makeJson(const ConfiguredCase& configured) {
+    const CasePlan& plan = configured.plan;
+    const TrackingBound& b = *configured.bound;
     using nlohmann::json;
     const auto list = [](const JointVector& values) {
         json array = json::array();
@@ -114,17 +120,19 @@ nlohmann::json makeJson(const CasePlan& plan, const TrackingBound& b) {
                          {"torque_Nm", list(part.torque)},
                          {"position_rad", list(part.position)},
                          {"velocity_radps", list(part.velocity)}});
-    return {{"case", plan.name},
-            {"joints", plan.robot.jointNames()},
-            {"position_rad", list(b.position)},
-            {"velocity_radps", list(b.velocity)},
-            {"trip_rad", list(b.measured)},
-            {"lasting_torque_Nm", list(b.lastingTorque)},
-            {"momentary_torque_Nm", list(b.torque)},
-            {"motor_torque_Nm", list(b.motorTorque)},
-            {"robust_torque_step_Nm", list(b.torqueStep)},
-            {"integral_torque_Nm", list(b.integralTorque)},
-            {"parts", parts}};
+    nlohmann::json result = {{"case", plan.name},
+                             {"joints", plan.robot.jointNames()},
+                             {"position_rad", list(b.position)},
+                             {"velocity_radps", list(b.velocity)},
+                             {"trip_rad", list(b.measured)},
+                             {"lasting_torque_Nm", list(b.lastingTorque)},
+                             {"momentary_torque_Nm", list(b.torque)},
+                             {"motor_torque_Nm", list(b.motorTorque)},
+                             {"robust_torque_step_Nm", list(b.torqueStep)},
+                             {"integral_torque_Nm", list(b.integralTorque)},
+                             {"parts", parts}};
+    if (const auto sizes = findAuthority(configured)) result["largest_robust_torque_Nm"] = list(sizes->reach);
+    return result;
 }
 
 int run(const BoundArguments& arguments) {
@@ -142,9 +150,9 @@ int run(const BoundArguments& arguments) {
         if (!configured->bound) continue;
         any = true;
         if (arguments.json)
-            all.push_back(makeJson(plan, *configured->bound));
+            all.push_back(makeJson(*configured));
         else
-            print(plan, *configured->bound);
+            print(*configured);
         try {
             applyBound(plan, *configured);
         } catch (const Error&) {  // told after what it is about

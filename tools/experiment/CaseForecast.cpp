@@ -13,7 +13,6 @@
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "host/WatchedLimit.h"
-#include "loop/Authority.h"
 #include "plugin/RehearsedCommand.h"
 #include "robot/PoseSampling.h"
 #include "viable/core/Numbers.h"
@@ -141,12 +140,10 @@ void addGains(const ConfiguredCase& configured, CaseForecast& forecast) {
 
 /** What the robust loop may add to the motors. */
 void addPush(const ConfiguredCase& configured, CaseForecast& forecast) {
+    const std::optional<detail::AuthoritySizes> sizes = findAuthority(configured);
+    if (!sizes) return;
     const CasePlan& plan = configured.plan;
-    if (!plan.robustLoop || plan.robustLoop->acceptsUnstable) return;
-    const std::optional<LinearErrorLoop> law = configured.plugins.robustLoop->traits().errorLoop;
-    const detail::Authority authority(configured.setup,
-                                      detail::calcAuthority(configured.setup, law ? &*law : nullptr,
-                                                            configured.bound ? &*configured.bound : nullptr));
+    const detail::Authority authority(configured.setup, *sizes);
     Dynamics dynamics;
     RobotModel(plan.robot).calcDynamics(plan.start.q, plan.start.qd, dynamics);
     forecast.push = "the robust loop adds " + detail::tellPush(plan.robot, authority, dynamics.J) + " at the start";
@@ -314,6 +311,14 @@ CaseForecast forecastCase(const ConfiguredCase& configured) {
     addCommand(configured, forecast);
     addNominalLoop(configured, forecast);
     return forecast;
+}
+
+std::optional<detail::AuthoritySizes> findAuthority(const ConfiguredCase& configured) {
+    const CasePlan& plan = configured.plan;
+    if (!plan.robustLoop || plan.robustLoop->acceptsUnstable) return {};
+    const std::optional<LinearErrorLoop> law = configured.plugins.robustLoop->traits().errorLoop;
+    return detail::calcAuthority(configured.setup, law ? &*law : nullptr,
+                                 configured.bound ? &*configured.bound : nullptr);
 }
 
 }  // namespace viable

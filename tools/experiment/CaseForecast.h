@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "experiment/ConfiguredCase.h"
+#include "loop/Authority.h"
 
 namespace viable {
 
@@ -26,5 +28,8 @@ of the nominal arm with the payload that it knows; what friction and disturbance
 controller are reset and asked; a command that hears somebody from outside hears nothing from then on
 (RehearsedCommand), so the case is not for a run any more. Throws Error (PluginFailed) where they cannot be reset. Some 0.1 s. */
 CaseForecast forecastCase(const ConfiguredCase& configured);
+
+/** What the case's robust loop may add to the motors; none: there is none, or `accept_unstable` gives it all that they have. */
+std::optional<detail::AuthoritySizes> findAuthority(const ConfiguredCase& configured);
 
 }  // namespace viable

@@ -646,6 +646,40 @@ TEST(ArmBatch, RealArmsFollowAndAreDrawn) {
     EXPECT_LT((getRow(batch.state().realQ, batch, 4) - robot.home).norm(), 1e-3);
 }
 
+// Beside the nominal demand a held joint gets a quarter of its motor, and what lasts.
+TEST(ArmBatch, ARealJointThatIsHeldGetsNoMoreThanItsAuthority) {
+    for (const char* name : {"indy7", "panda"}) {
+        const RobotDescription robot = loadArm(name);
+        const int n = robot.size(), held = 1;
+        ArmBatchOptions options;
+        options.plant =
+            "{plugin: simbody, dynamics: recursion, blocked_joint: 1, blocked_from_s: 0.2, "
+            "blocked_until_s: '~uniform(0.6, 1.0)'}";
+        options.pluginPath = {VIABLE_PLUGIN_DIR};
+        options.action = BatchAction::Target;
+        ArmBatch batch(robot, 10, 0.001, options);
+        std::mt19937_64 random(11);
+        Actions targets;
+        for (int arm = 0; arm < batch.size(); ++arm)
+            for (int i = 0; i < n; ++i)
+                targets.push_back(robot.home[i] + std::uniform_real_distribution<double>(0.4, 0.8)(random));
+        double most = 0.0;
+        for (int step = 0; step < 2000; ++step) {
+            batch.step(targets.data(), 1);
+            for (int arm = 0; arm < batch.size(); ++arm) {
+                const ArmBatchState& state = batch.state();
+                const auto at = static_cast<std::size_t>(arm * n + held);
+                const double added = std::abs(state.motorTorque[at] - state.torque[at]);
+                if (step > 250 && std::abs(state.realQd[at]) < 1e-6)
+                    most = std::max(most, added / robot.actuation.torqueLimit[held]);
+            }
+        }
+        std::printf("  %s: %.3f of the motor added at most\n", name, most);
+        EXPECT_GT(most, 0.2) << name;
+        EXPECT_LT(most, 0.5) << name;  // calcMost()
+    }
+}
+
 TEST(ArmBatch, APlantThatFailsStopsItsArmAloneUntilItsReset) {
     const RobotDescription robot = loadArm("indy7");
     for (const char* mode : {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
