@@ -253,7 +253,7 @@ void ArmBatch::Impl::makePlants() {
     const PluginLoader loader(options.pluginPath);
     const ConfigNode written = parseConfig("real_plant: " + options.plant + "\n", "ArmBatchOptions::plant");
     for (const DrawnKey& key : listDraws(written)) draws[key.keyPath];
-    std::map<int, LinearErrorLoop> gains;  // by delay
+    std::map<int, std::pair<LinearErrorLoop, detail::AuthoritySizes>> loops;  // by delay
     for (int arm = 0; arm < arms; ++arm) {
         ConfigNode drawn = written;
         for (auto& [key, value] : resolveDraws(drawn, {options.seed, arm})) draws[key].push_back(value);
@@ -268,15 +268,18 @@ void ArmBatch::Impl::makePlants() {
         one->setup.delayTicks = one->plant->traits().delayTicks;
         const JointVector motorRate = one->plant->traits().motorRate;
         checkTold(one->setup.delayTicks, motorRate, n, "the plant " + choice.plugin.name);
-        const auto found = gains.find(one->setup.delayTicks);
-        const LinearErrorLoop& loop = found != gains.end() ? found->second
-                                                           : gains[one->setup.delayTicks] = scaleGains(
-                                                                 robot, setup.limits, tick_s, one->setup.delayTicks);
+        auto found = loops.find(one->setup.delayTicks);
+        if (found == loops.end()) {
+            LinearErrorLoop scaled = scaleGains(robot, setup.limits, tick_s, one->setup.delayTicks);
+            detail::AuthoritySizes sizes = detail::calcAuthority(setup, &scaled, nullptr);
+            found = loops.emplace(one->setup.delayTicks, std::pair(std::move(scaled), std::move(sizes))).first;
+        }
+        const auto& [loop, sizes] = found->second;
         NricOptions nric{loop.kr, loop.kp, loop.ki};
         nric.inertiaRate = loop.inertiaRate;
         if (motorRate.size() > 0) nric.motorRate = motorRate;
         one->nric.configure(one->setup, nric);
-        one->authority = detail::Authority(one->setup, detail::calcAuthority(one->setup, &loop, nullptr));
+        one->authority = detail::Authority(one->setup, sizes);
         real.push_back(std::move(one));
     }
     for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
