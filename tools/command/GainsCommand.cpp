@@ -89,8 +89,7 @@ void run(const GainsArguments& arguments) {
     const detail::Authority authority(setup, detail::calcAuthority(setup, &loop, nullptr));
     std::printf(
         "Added to what moves the nominal arm, without a disturbance_set: %s in the home pose. Twice the viscous "
-        "friction of "
-        "a moving joint comes on top.\n",
+        "friction of a moving joint comes on top.\n",
         detail::tellPush(robot, authority, dynamics.J).c_str());
     if (robot.actuation.rotorInertia.maxCoeff() == 0.0)
         std::printf("No rotor inertias are given (actuation.yaml): with them light joints carry more.\n");

@@ -26,8 +26,7 @@ struct RobustLoopSettings {
     void describe(V& v) {
         v(acceptsUnstable, "accept_unstable",
           "A loop that is unstable on this arm is run all the same, an arm that does not follow is not stopped, and "
-          "the "
-          "loop may use all of the motors: to show what happens.");
+          "the loop may use all of the motors: to show what happens.");
     }
 };
 inline const ParameterSpec& acceptUnstable() {

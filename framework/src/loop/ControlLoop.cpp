@@ -32,8 +32,7 @@ constexpr char kOnJump[] =
     "Check the encoder and its wiring: a wrap, a lost count, swapped channels. The robust loop was not given it.";
 constexpr char kOnStillness[] =
     "Check the encoder, its wiring and the brake, or see what the joint ran against. Where it only sticks, give its "
-    "dry "
-    "friction and its encoder's counts in actuation.yaml. The robust loop was not given its readings any more.";
+    "dry friction and its encoder's counts in actuation.yaml. The robust loop was not given its readings any more.";
 constexpr char kOnLostTracking[] =
     "Find what acted on the arm then: a push, a payload, a failed sensor. State what belongs to the task in "
     "`disturbance_set`, which widens the bound.";
@@ -61,8 +60,7 @@ constexpr char kOnDrift[] =
 
 constexpr char kOnWithheld[] =
     "Something holds the arm, pushes it or loads it more than the robust loop may make up for (`viable gains` tells "
-    "how "
-    "much): a quarter of the motor, or what a `disturbance_set` with that payload or push asks for.";
+    "how much): a quarter of the motor, or what a `disturbance_set` with that payload or push asks for.";
 
 constexpr char kOnLeftLimits[] =
     "The bound holds while the nominal arm keeps the limits: use a filter that guarantees them, such as "
@@ -249,7 +247,7 @@ void ControlLoop::checkAnswers() {
         const bool isSuspect = !options_.bound && sensors_.isSuspect(i);
         const double implied = options_.bound ? 0.0 : std::abs(authority_.impliedTravel(i));
         const double travel = sensors_.findStillTravel(i);
-        const double count = setup_.robot.encoderStep(i) > 0.0 ? kJumpCounts * sensors_.count(i) : kUnknownJump;
+        const double count = calcCounts(setup_.robot, i);
         // Without a figure of dry friction nobody knows what a joint that stands takes. One that sticks reads exactly the same
         // where the encoder has counts; then the nominal joint must go on, too.
         const bool isImplied = coulomb > 0.0
@@ -423,28 +421,26 @@ void ControlLoop::checkReading() {
             loop_.beginStop(StopReason::SensorFailed, message, kOnJump);
             holdIntegral();
         }
-        if (isPlausible_[at]) {
-            sensors_.take(i, real_, nominal());
-            plausible_.q[i] = real_.q[i];
-            plausible_.qd[i] = real_.qd[i];
-        } else {
-            sensors_.standIn(i, nominal(), plausible_);
-        }
+        if (isPlausible_[at]) sensors_.take(i, real_, nominal());
+        seeJoint(i);
     }
+}
+
+/** What the robust loop sees of a joint: what the plant reports, or what stands for it. */
+void ControlLoop::seeJoint(int joint) {
+    if (!isPlausible_[static_cast<std::size_t>(joint)]) {
+        sensors_.standIn(joint, nominal(), plausible_);
+        return;
+    }
+    plausible_.q[joint] = real_.q[joint];
+    plausible_.qd[joint] = real_.qd[joint];
 }
 
 /** What stands for a reading is what the robust loop sees, but says nothing of the arm. */
 void ControlLoop::passReading() {
     sensors_.miss(ticksSinceReading_);
     ticksSinceReading_ = 1;
-    for (int i = 0; i < n_; ++i) {
-        if (isPlausible_[static_cast<std::size_t>(i)]) {
-            plausible_.q[i] = real_.q[i];
-            plausible_.qd[i] = real_.qd[i];
-        } else {
-            sensors_.standIn(i, nominal(), plausible_);
-        }
-    }
+    for (int i = 0; i < n_; ++i) seeJoint(i);
 }
 
 /** @param isAsked  its answers are still of use while its torque goes to zero */

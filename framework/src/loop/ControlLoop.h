@@ -125,6 +125,7 @@ private:
     void readExternalTorque();
     void checkReading();
     void passReading();
+    void seeJoint(int joint);
     void dropReading(int joint, bool isInVain);
     bool replaceStillReading(int joint);
     void checkAnswers();

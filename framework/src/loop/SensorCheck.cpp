@@ -15,11 +15,14 @@ JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, 
             bound ? (speed + bound->velocity[i]) * setup.tick_s + 2.0 * (bound->measured[i] - bound->position[i])
             : authority.limits(i) ? 0.0
                                   : calcLeastJump(setup.robot, i);
-        const double count = setup.robot.encoderStep(i);
-        largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + (count > 0.0 ? kJumpCounts * count : kUnknownJump),
-                              explained);
+        largest[i] = std::max(kJumpSpeeds * speed * setup.tick_s + calcCounts(setup.robot, i), explained);
     }
     return largest;
+}
+
+double calcCounts(const RobotDescription& robot, int joint) {
+    const double count = robot.encoderStep(joint);
+    return count > 0.0 ? kJumpCounts * count : kUnknownJump;
 }
 
 double calcLeastJump(const RobotDescription& robot, int joint) {

@@ -37,6 +37,9 @@ inline constexpr double kUnknownCount = 1.2e-5, kUnknownJump = 3e-3;
 JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound,
                               const detail::Authority& authority);
 
+/** kJumpCounts of a joint's encoder, or kUnknownJump [rad, m]. */
+double calcCounts(const RobotDescription& robot, int joint);
+
 /** kLeastJumpTurns or kLeastJump_m of a joint [rad, m]. */
 double calcLeastJump(const RobotDescription& robot, int joint);
 
