@@ -679,14 +679,21 @@ const cases = [
       const cut = await open(await invite(page), SMALL);
       await cut.waitForSelector('.stage[data-pictures]');
       await filterFrames(cut, 'moving');
+      // All that it says, also while another page is looked at.
+      await cut.evaluate(() => {
+        const message = document.getElementById('message');
+        window.told = [];
+        new MutationObserver(() => window.told.push(message.textContent)).observe(message, { childList: true, characterData: true, subtree: true });
+      });
       const told = (one) => one.textContent('#message');
       await press(page, 'Stop');
       assert.equal(await arm.ended, 0, arm.text);
       await eventually(async () => (await page.textContent('.pill')) === 'No connection', 'the page knows');
       assert.match(await told(page), /has been stopped, and the program has ended/);
       await shoot(page, 'ended');
-      assert.match(await told(cut), /If the arm still moves, use its own stop: this page cannot stop it/);
       await eventually(async () => /^Cannot be reached. If the arm still moves, use its own stop/.test(await told(cut)), 'it stays told');
+      const saidFirst = (await cut.evaluate(() => window.told)).find((text) => text.includes('use its own stop'));
+      assert.match(saidFirst, /If the arm still moves, use its own stop: this page cannot stop it/);
       await shoot(cut, 'unreached');
       await cut.context().close();
       const real = page.problems.filter((text) => !/WebSocket|ERR_CONNECTION_REFUSED/.test(text));

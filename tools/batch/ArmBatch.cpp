@@ -66,7 +66,9 @@ struct RealArm {
     PluginPtr<RealPlant> plant{nullptr, nullptr};
     Nric nric;
     detail::Authority authority;
-    JointVector robust;  // added in the tick before [Nm]
+    JointVector robust;     // added in the tick before [Nm]
+    JointVector motors;     // what was asked of them then [Nm]; of size 0 before the first
+    JointVector motorStep;  // largest change of that; of size 0: any
 };
 
 /** The filter of an arm that keeps clear of what is around. */
@@ -81,7 +83,7 @@ struct WholeArm {
 struct Scratch {
     MotionState nominal;
     Dynamics dynamics;
-    JointVector torque, rate, jerk, motors, applied;
+    JointVector torque, rate, jerk, applied;
     FilterDecision decision;
     HeldMotion motion;
     // What the action is:
@@ -113,9 +115,11 @@ bool drive(RealArm& real, Scratch& s) {
     try {
         real.authority.update(s.nominal, s.measured);
         if (real.nric.compute(s.measured, s.nominal, s.motion.torque, real.robust) != TickStatus::Ok) return false;
-        real.authority.cut(s.motion.torque, real.robust);
-        s.motors = s.motion.torque + real.robust;
-        return real.plant->advance(s.motors, s.applied) == TickStatus::Ok && isFinite(s.applied, n);
+        const bool isCut = real.authority.cut(s.motion.torque, real.robust);
+        if (isCut && real.motorStep.size() > 0 && real.motors.size() > 0)
+            detail::limitMotorStep(s.motion.torque, real.motors, real.motorStep, real.robust);
+        real.motors = s.motion.torque + real.robust;
+        return real.plant->advance(real.motors, s.applied) == TickStatus::Ok && isFinite(s.applied, n);
     } catch (...) {  // a plugin's; it must not end the thread
         return false;
     }
@@ -280,6 +284,7 @@ void ArmBatch::Impl::makePlants() {
         if (motorRate.size() > 0) nric.motorRate = motorRate;
         one->nric.configure(one->setup, nric);
         one->authority = detail::Authority(one->setup, sizes);
+        one->motorStep = motorRate * tick_s;
         real.push_back(std::move(one));
     }
     for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
@@ -358,6 +363,7 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
         one.authority.reset();
         one.authority.widen(at.limits);
         one.robust.setZero(n);
+        one.motors.resize(0);
         JointState measured;
         if (!read(one, measured))
             throw Error(ErrorKind::PluginFailed, nameArm(arm),

@@ -91,7 +91,7 @@ void Authority::widen(const JointLimits& limits) {
 
 /** By the robot's description [Nm]; `speed` >= 0. */
 double Authority::calcFigure(int joint, double speed) const {
-    return figures_.coulomb[joint] - figures_.viscous[joint] * std::expm1(-speed / figures_.viscousVelocity[joint]);
+    return figures_.coulomb[joint] + figures_.calcViscous(joint, speed);
 }
 
 double Authority::calcRest(int joint) const {
@@ -102,13 +102,18 @@ double Authority::calcHold(int joint) const {
     return sizes_.friction > 0.0 ? kFrictionFactor * figures_.coulomb[joint] : kPressing * sizes_.reach[joint];
 }
 
+/** Of what lasted, what may be added beside `reach` [Nm]. */
+double Authority::limitLasting(int joint) const {
+    return std::clamp(lasting_[joint], -sizes_.lasting[joint], sizes_.lasting[joint]);
+}
+
 void Authority::update(const MotionState& nominal, JointState& real) {
     const double share = std::min(1.0, tick_s_ / kVelocity_s);
     for (int i = 0; i < n_; ++i) {
         const std::size_t at = index(i);
         const double error = real.q[i] - nominal.q[i];
         velocity_[i] += share * (std::clamp(real.qd[i], fastest_.lower[i], fastest_.upper[i]) - velocity_[i]);
-        const double lasting = std::clamp(lasting_[i], -sizes_.lasting[i], sizes_.lasting[i]);
+        const double lasting = limitLasting(i);
         highest_[i] = lasting + calcFriction(i, std::max(0.0, velocity_[i])) + sizes_.reach[i];
         lowest_[i] = lasting - calcFriction(i, std::max(0.0, -velocity_[i])) - sizes_.reach[i];
         isNear_[at] = true;
@@ -138,9 +143,10 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
         const int side = wanted > given ? 1 : wanted < given ? -1 : 0;
         cutTicks_[at] = side == 0 ? 0 : side == cutSide_[at] ? cutTicks_[at] + 1 : 1;
         cutSide_[at] = side;
-        const double push = given > 0.0 ? std::max(0.0, given - highest_[i] + sizes_.reach[i])
-                                        : std::min(0.0, given - lowest_[i] - sizes_.reach[i]);
-        isPressing_[at] = std::abs(push) > kPressing * sizes_.reach[i];
+        // What lasted against it may have been friction, which now acts the other way.
+        const double turning = std::min(calcHold(i), std::max(0.0, given > 0.0 ? -limitLasting(i) : limitLasting(i)));
+        const double push = given > 0.0 ? given - highest_[i] : lowest_[i] - given;
+        isPressing_[at] = push + sizes_.reach[i] > turning + kPressing * sizes_.reach[i];
         if (side != 0) {
             isChanged = true;
             isHeld_[at] = isHeld_[at] || cutTicks_[at] >= heldTicks_;  // noise is cut, too, but not for long
@@ -214,6 +220,13 @@ void Authority::open(int joint, bool isInVain) {
                                               : 1.0 * wayTicks_);
     owed_[joint] = std::clamp(owed, -sizes_.reach[joint] * half, sizes_.reach[joint] * half);
     backTicks_[at] = 2 * static_cast<int>(half);
+}
+
+void limitMotorStep(const JointVector& nominal, const JointVector& last, const JointVector& step, JointVector& added) {
+    for (int i = 0; i < added.size(); ++i) {
+        const double total = std::clamp(nominal[i] + added[i], last[i] - step[i], last[i] + step[i]);
+        if (total != nominal[i] + added[i]) added[i] = total - nominal[i];
+    }
 }
 
 std::string tellPush(const RobotDescription& robot, const Authority& authority, const ToolJacobian& J) {

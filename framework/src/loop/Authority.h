@@ -49,11 +49,12 @@ public:
     static constexpr double kVelocity_s = 0.01, kLasting_s = 0.1, kFastReturn = 1.02;
     /** A joint that is cut for so many ticks, and a delay, is held. */
     static constexpr int kHeldTicks = 5;
-    /** A joint that is pressed with more than this share of its reach for kHeldTicks, and stands exactly still, does not
-    answer. */
+    /** A joint that is pressed with more than this share of its reach for kHeldTicks, beside friction either way, and stands
+    exactly still, does not answer. */
     static constexpr double kPressing = 0.5;
-    /** What was pushed in vain is taken back in this time [s]. It takes up to twice kTakeBackTicks, and kLasting_s, where that is
-    longer and it takes more than this share of the reach. The reach itself is not exceeded: the rest is left to friction. */
+    /** What was pushed in vain is taken back in this time [s]. It takes up to twice kTakeBackTicks, and kLasting_s or two ticks,
+    where that is longer and it takes more than this share of the reach. The reach itself is not exceeded: the rest is left to
+    friction. */
     static constexpr double kTakeBack_s = 0.025, kTakeBackShare = 0.5;
     static constexpr int kTakeBackTicks = 20;
     /** Slower than this a joint is not sure to move, and dry friction may act either way [rad/s, m/s]. */
@@ -100,8 +101,8 @@ public:
     double calcRest(int joint) const;
     /** And after a push that grew so slowly that it was taken for what lasts [Nm]. */
     double calcMost(int joint) const { return calcRest(joint) + sizes_.lasting[joint]; }
-    /** What a joint that stands may take without moving, as far as is known: its dry friction; with a bound kPressing of the
-    reach [Nm]. */
+    /** What a joint that stands may take without moving, as far as is known: twice the figure of its dry friction, 0 without
+    one; with a bound kPressing of the reach [Nm]. */
     double calcHold(int joint) const;
 
 private:
@@ -109,6 +110,7 @@ private:
     double calcFigure(int joint, double speed) const;
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);
+    double limitLasting(int joint) const;
 
     int n_ = 0, heldTicks_ = 0, wayTicks_ = 1;
     double tick_s_ = 0.0;
@@ -127,6 +129,9 @@ private:
     JointVector excess_, owed_;
     std::array<int, kMaxJoints> backTick_{}, backTicks_{};  // now, and of all the way
 };
+
+/** Makes motors that gave `last` in the tick before change by at most `step` [Nm]: what is added to `nominal` gives way. */
+void limitMotorStep(const JointVector& nominal, const JointVector& last, const JointVector& step, JointVector& added);
 
 /** "at most joint0 108 Nm at once and 176 Nm slowly (25 and 41 % of the motor), ... at rest; the tool presses with at most 140 N
 along x, ...", in the pose of J. */

@@ -229,14 +229,23 @@ bool ControlLoop::replaceStillReading(int joint) {
     return true;
 }
 
+bool ControlLoop::mayNotAnswer(int joint) const {
+    return isLoopAsked_ && isPlausible_[static_cast<std::size_t>(joint)] && authority_.limits(joint) &&
+           authority_.hasAdded(joint);
+}
+
+/** Its reading stopped at once. */
+bool ControlLoop::isSuspect(int joint) const {
+    return !options_.bound && mayNotAnswer(joint) && sensors_.isSuspect(joint);
+}
+
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
 pushed with in vain is taken back. */
 void ControlLoop::checkAnswers() {
     if (hasFailed() || !isLoopAsked_) return;
     const JointMatrix& M = nominalArm_.dynamics().M;
     for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        if (!isPlausible_[at] || !authority_.limits(i) || !authority_.hasAdded(i)) continue;
+        if (!mayNotAnswer(i)) continue;
         const double coulomb = setup_.robot.actuation.friction.coulomb[i];
         const double inertia = M.rows() == n_ ? M(i, i) : 0.0;
         // Friction may stop a joint that is slow as well.
@@ -244,7 +253,6 @@ void ControlLoop::checkAnswers() {
                                 ? authority_.calcHold(i) / inertia * setup_.tick_s * setup_.tick_s
                                 : kSlow * sensors_.moving(i);
         const bool isLong = sensors_.stillTicks(i) >= kStillTicks;
-        const bool isSuspect = !options_.bound && sensors_.isSuspect(i);
         const double implied = options_.bound ? 0.0 : std::abs(authority_.impliedTravel(i));
         const double travel = sensors_.findStillTravel(i);
         const double count = calcCounts(setup_.robot, i);
@@ -255,11 +263,7 @@ void ControlLoop::checkAnswers() {
                                    : (setup_.robot.encoderStep(i) > 0.0 ? std::min(implied, travel) : implied) >
                                          (setup_.robot.slides(i) ? kVisible_m : kVisible_rad);
         const bool isPressed = authority_.isPressed(i) && (!options_.bound || travel > kJumpCounts * sensors_.count(i));
-        const bool isStill = isLong && ((isSuspect && sensors_.lastStep(i) > slow) || isPressed || isImplied);
-        if (isSuspect && !isLong) {  // until that is known, it is not pushed
-            plausible_.q[i] = nominal().q[i] + sensors_.changedDeviation(i);
-            plausible_.qd[i] = nominal().qd[i];
-        }
+        const bool isStill = isLong && ((isSuspect(i) && sensors_.lastStep(i) > slow) || isPressed || isImplied);
         if (!isStill) continue;
         const double added = authority_.added(i);
         dropReading(i, true);
@@ -434,6 +438,10 @@ void ControlLoop::seeJoint(int joint) {
     }
     plausible_.q[joint] = real_.q[joint];
     plausible_.qd[joint] = real_.qd[joint];
+    if (!isSuspect(joint) || sensors_.stillTicks(joint) >= kStillTicks) return;
+    // Until it is known whether it is stuck, it is not pushed.
+    plausible_.q[joint] = nominal().q[joint] + sensors_.changedDeviation(joint);
+    plausible_.qd[joint] = nominal().qd[joint];
 }
 
 /** What stands for a reading is what the robust loop sees, but says nothing of the arm. */
@@ -520,17 +528,12 @@ void ControlLoop::calcMotorTorque() {
 
 /** Makes the robust loop's torque change no faster than the stated rates. */
 void ControlLoop::limitRates(const JointVector& lastRobust, const JointVector& lastMotor) {
-    for (int i = 0; i < n_; ++i) {
-        double& robust = robustTorque_[i];
-        if (options_.robustRate.size() == n_) {
-            const double step = options_.robustRate[i] * setup_.tick_s;
-            robust = std::clamp(robust, lastRobust[i] - step, lastRobust[i] + step);
-        }
-        if (options_.motorRate.size() != n_ || !hasDriven_) continue;  // what the motors gave before is not known
-        const double step = options_.motorRate[i] * setup_.tick_s;
-        const double total = std::clamp(motorTorque_[i] + robust, lastMotor[i] - step, lastMotor[i] + step);
-        if (total != motorTorque_[i] + robust) robust = total - motorTorque_[i];
+    if (options_.robustRate.size() == n_) {
+        const JointVector step = options_.robustRate * setup_.tick_s;
+        robustTorque_ = robustTorque_.cwiseMax(lastRobust - step).cwiseMin(lastRobust + step);
     }
+    if (options_.motorRate.size() != n_ || !hasDriven_) return;  // what the motors gave before is not known
+    detail::limitMotorStep(motorTorque_, lastMotor, options_.motorRate * setup_.tick_s, robustTorque_);
 }
 
 /** Tells the authority what comes of its cut. */

@@ -97,7 +97,7 @@ public:
 
     bool isStopping() const { return loop_.isStopping(); }
     /** True when a stop has come to its end, or could not be made. Further ticks hold the arm where it is: the nominal
-    arm at exact rest, the robust loop at work. */
+    arm at exact rest, the robust loop at work where it can be. */
     bool hasStopped() const { return hasFailed() || nominalArm_.hasStopped(); }
     /** True when no stop can be made: the plant is gone, or the arithmetic is; or when a robot (a plant with a
     clock) goes on though it was told to brake, and is left to its own stop. */
@@ -128,6 +128,8 @@ private:
     void seeJoint(int joint);
     void dropReading(int joint, bool isInVain);
     bool replaceStillReading(int joint);
+    bool mayNotAnswer(int joint) const;
+    bool isSuspect(int joint) const;
     void checkAnswers();
     void checkTracking();
     void checkFollowing(std::int64_t elapsedTicks);

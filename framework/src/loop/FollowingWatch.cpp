@@ -21,6 +21,7 @@ double calcFastest(const JointLimits& limits, int i) {
 }  // namespace
 
 void FollowingWatch::begin(const RunSetup& setup) {
+    hasFound_ = false;
     n_ = setup.size();
     tick_s_ = setup.tick_s;
     tick_ = 0;
@@ -150,7 +151,10 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
     const Swing& swing = swings_[static_cast<std::size_t>(violation.joint)];
     // Where the loop was cut somebody else may have moved the joint.
     const int least = withheld_[violation.joint] < kSaturated ? 1 : 2;
-    if (swing.halves >= least) return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
+    const bool isFirst = !hasFound_;
+    hasFound_ = true;
+    if (isFirst && swing.halves >= least)
+        return {Cause::Oscillation, violation.joint, -1, swing.last, fastest_[violation.joint]};
     const auto blame = [&](const JointVector& shares, Cause cause) {
         Eigen::Index motor = 0;
         if (shares.maxCoeff(&motor) < kSaturated) return;

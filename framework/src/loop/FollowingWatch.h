@@ -20,7 +20,8 @@ why. It does not follow where
   cut or with kPush of what the nominal arm leaves of the motor's limit and kLeastPush of that limit, and the motor was at
   its limit or cut in kPushedShare of the recent ticks. Noise of an encoder does so by chance for a few ticks, unless it is
   far beyond that.
-A joint that is away after one such half, or two where its loop was cut, is taken for one that oscillates.
+A joint that is away after one such half, or two where its loop was cut, is taken for one that oscillates. Once something was
+found it takes all kHalfPeriods: a joint that comes back from afar swings, too.
 Real time: no allocation, lock or throw after begin(). */
 class FollowingWatch {
 public:
@@ -101,6 +102,7 @@ private:
     bool swings(int joint, double velocityError, double elapsed_s, bool isAtLimit);
     bool pushesToAndFro(int joint, double asked, double robust, bool isCut);
 
+    bool hasFound_ = false;
     int n_ = 0, delayTicks_ = 0;
     double tick_s_ = 0.0;
     std::int64_t tick_ = 0;

@@ -73,8 +73,7 @@ void checkRobustGains(const NricOptions& gains, const JointMatrix& M, double tic
 /** What friction takes from a joint at speed `qd` by the robot's description [Nm]. */
 double calcFriction(const JointFriction& friction, int joint, double qd) {
     const double speed = std::abs(qd);
-    return friction.coulomb[joint] * std::tanh(speed / kStandstill) -
-           friction.viscous[joint] * std::expm1(-speed / friction.viscousVelocity[joint]);
+    return friction.coulomb[joint] * std::tanh(speed / kStandstill) + friction.calcViscous(joint, speed);
 }
 
 /** The robot as it shows itself; what is not complete is for makeGuardSetup() to say. */

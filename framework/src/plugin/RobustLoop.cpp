@@ -7,8 +7,7 @@ namespace viable {
 
 double FrictionFeed::calc(int joint, double v) const {
     const double dry = figures.coulomb[joint] * std::clamp(v / speed[joint], -1.0, 1.0);
-    const double share = -std::expm1(-std::abs(v) / figures.viscousVelocity[joint]);
-    return dry + figures.viscous[joint] * std::copysign(share, v);
+    return dry + std::copysign(figures.calcViscous(joint, std::abs(v)), v);
 }
 
 JointVector FrictionFeed::calc(const JointVector& qd) const {

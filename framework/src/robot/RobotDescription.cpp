@@ -334,6 +334,10 @@ std::vector<std::string> RobotDescription::jointNames() const {
     return names;
 }
 
+double JointFriction::calcViscous(int joint, double speed) const {
+    return -viscous[joint] * std::expm1(-speed / viscousVelocity[joint]);
+}
+
 double RobotDescription::encoderStep(int joint) const {
     const double counts = actuation.encoderCounts[joint];
     if (!(counts > 0.0)) return 0.0;

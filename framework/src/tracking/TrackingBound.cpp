@@ -383,7 +383,7 @@ private:
                     "those that cover the figures that are fed forward, or feed less.");
             };
             check("dry", feed_.figures.coulomb[i], calcStanding(i));
-            check("viscous", calcViscous(feed_.figures, i, v), set_.frictionScale[i] * calcViscous(i, v));
+            check("viscous", feed_.figures.calcViscous(i, v), set_.frictionScale[i] * calcViscous(i, v));
         }
     }
 
@@ -500,11 +500,8 @@ private:
         return set_.frictionScale[i] * robot_.actuation.friction.coulomb[i] * set_.breakawayRatio;
     }
 
-    /** Viscous friction at the velocity v [Nm]: of the robot's figures, or of others. */
-    double calcViscous(int i, double v) const { return calcViscous(robot_.actuation.friction, i, v); }
-    static double calcViscous(const JointFriction& f, int i, double v) {
-        return -f.viscous[i] * std::expm1(-v / f.viscousVelocity[i]);
-    }
+    /** Viscous friction at the velocity v [Nm]. */
+    double calcViscous(int i, double v) const { return robot_.actuation.friction.calcViscous(i, v); }
 
     /** The largest |c + b exp(-v/B) - a exp(-v/A)|, b and a >= 0, over velocities v from 0 to `end`: at an end, or where
     the slope changes its sign. */

@@ -14,6 +14,7 @@ namespace {
 
 using detail::Authority;
 using detail::AuthoritySizes;
+using detail::limitMotorStep;
 
 JointVector pair(double a, double b) {
     JointVector v(2);
@@ -187,7 +188,7 @@ TEST_F(AuthorityTest, AJointThatRestedOrWasLedIsNotThrown) {
     EXPECT_LE(impulse, 10.0 * Authority::kTakeBackTicks + 1e-6) << "whatever was pushed";
 }
 
-TEST_F(AuthorityTest, WhatIsTakenBackTakesATenthOfASecondAtMostHoweverLongATickIs) {
+TEST_F(AuthorityTest, WhatIsTakenBackTakesATenthOfASecondOrTwoTicksAtMost) {
     for (const double tick_s : {1e-4, 1e-3, 4e-3, 1e-2, 0.1}) {
         setup_->tick_s = tick_s;
         authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
@@ -224,6 +225,13 @@ TEST_F(AuthorityTest, TellsWhatAJointThatReadsTheSameMustHaveDone) {
     reset(0.0);
     for (int k = 0; k < 50; ++k) tick(pair(7.9, 0.0), still_, rest_, true);
     EXPECT_FALSE(authority_.isPressed(0)) << "less than half of its reach beside friction";
+    for (const double way : {1.0, -1.0}) {
+        reset(-2.25 * way);  // dry friction, half more than the figure
+        for (int k = 0; k < 50; ++k) tick(pair(way * (-2.25 + 3.0 + 5.1), 0.0), still_, rest_, true);
+        EXPECT_FALSE(authority_.isPressed(0)) << "friction turns round, too";
+        for (int k = 0; k < 5; ++k) tick(pair(way * (3.0 + 5.1), 0.0), still_, rest_, true);
+        EXPECT_TRUE(authority_.isPressed(0));
+    }
     for (const double after : {4.0, 0.0, -2.9, -5.9, 10.9}) {
         reset(5.0);
         for (int k = 0; k < 1000; ++k) tick(pair(after, 0.0), still_, rest_, true);
@@ -234,6 +242,14 @@ TEST_F(AuthorityTest, TellsWhatAJointThatReadsTheSameMustHaveDone) {
     EXPECT_LT(authority_.impliedTravel(0), 0.0);
     EXPECT_TRUE(authority_.hasAdded(0));
     EXPECT_FALSE(authority_.hasAdded(1));
+}
+
+TEST_F(AuthorityTest, WhatIsAddedGivesWayToTheMotorsRate) {
+    JointVector added = pair(5.0, 0.1);
+    limitMotorStep(pair(1.0, 0.3), pair(2.0, 0.25), pair(0.5, 0.5), added);
+    EXPECT_EQ(added, pair(1.5, 0.1)) << "the second changes in no bit";
+    limitMotorStep(pair(9.0, 0.3), pair(2.0, 0.25), pair(0.5, 0.0), added);
+    EXPECT_EQ(added, pair(-6.5, 0.25 - 0.3));
 }
 
 TEST_F(AuthorityTest, WiderLimitsCountUntilTheReset) {

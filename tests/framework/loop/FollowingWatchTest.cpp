@@ -207,6 +207,31 @@ TEST_F(FollowingWatchTest, MissedTicksCount) {
     EXPECT_EQ(update(), Cause::Saturation);
 }
 
+// A joint that was held swings when it is let go; the loop ends only for one that goes on swinging.
+TEST_F(FollowingWatchTest, AJointThatComesBackFromAfarIsNotTakenForOneThatOscillates) {
+    const auto swingOnce = [&] {  // and which way
+        for (int k = 0; k < 10; ++k)
+            if (update() == Cause::Oscillation) return true;
+        real_.qd[2] = -real_.qd[2];
+        return false;
+    };
+    for (const bool isFirst : {false, true}) {
+        begin();
+        real_.q[2] += isFirst ? 0.0 : 1.0;
+        EXPECT_EQ(update(), isFirst ? Cause::None : Cause::Drift);
+        real_.qd[2] = 12.0;
+        for (int half = 0; half < 2; ++half) EXPECT_FALSE(swingOnce()) << half;
+        real_.q[2] = nominal_.q[2] + 1.0;
+        if (isFirst) {
+            EXPECT_EQ(update(), Cause::Oscillation) << "away after two halves";
+            continue;
+        }
+        EXPECT_FALSE(swingOnce());
+        for (int half = 0; half < 2; ++half) swingOnce();
+        EXPECT_EQ(update(), Cause::Oscillation) << "it goes on";
+    }
+}
+
 TEST_F(FollowingWatchTest, AJointOfSmallRangeIsAwaySooner) {
     const double home = arm_.start.q[3];
     arm_.limits.position.lower[3] = home - 0.2;

@@ -159,30 +159,31 @@ TEST(Fault92, NoReadingMakesTheRealArmMuchFasterThanItMayBe) {
                 // That of a joint near zero is no larger than a motion (MATH 11).
                 if (fault == std::string("sign") && 2.0 * std::abs(found.atFault[joint]) < found.motions[joint])
                     continue;
+                // An encoder that sticks is found when the joint is to move.
+                const bool isFound =
+                    fault == std::string("stuck") ? found.travel[joint] > 0.03 : fault != std::string("sign");
+                EXPECT_TRUE(found.stopped || !isFound) << o.back();
+                EXPECT_FALSE(found.brokeLimits) << o.back();
                 // Nobody sees how the others move a joint whose encoder sticks while the nominal joint rests.
                 if (fault == std::string("stuck") && found.drift[joint] > 0.1) {
                     ++drifting;
                     continue;
                 }
                 EXPECT_LE(found.speed, fault == std::string("stuck") ? 1.5 : 1.25) << o.back();
-                EXPECT_FALSE(found.brokeLimits) << o.back();
-                // An encoder that sticks is found when the joint is to move.
-                const bool isFound =
-                    fault == std::string("stuck") ? found.travel[joint] > 0.03 : fault != std::string("sign");
-                EXPECT_TRUE(found.stopped || !isFound) << o.back();
             }
     std::printf("  %d joints with a stuck encoder drifted while the nominal joint rested\n", drifting);
     EXPECT_LE(drifting, test::countOf(3));  // a quarter
 }
 
-// Free motion at three speeds and two ticks with friction of 0.5 to 1.5 times the figures that sticks, a payload and noise that nobody told of, if any. Or of up
-// to 0.8 times them where the loop's robot has no figure, so that what sticks is less than an eighth of the motor. Without figures of
-// friction and encoder both a reading shows noise.
+// Free motion at three speeds and two lengths of a tick, with friction of 0.5 to 1.5 times the figures that sticks. A payload and
+// noise nobody told of, if any. Or friction of up to 0.8 times them where the loop's robot has no figure, so that what sticks is
+// less than an eighth of the motor. Without figures of friction and encoder both a reading shows noise.
 TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
     std::mt19937 random(3);
     const auto share = [&random](double least, double most) {
         return std::to_string(least + (most - least) * static_cast<double>(random() % 1000) / 999.0);
     };
+    int weak = 0;
     for (const char* robot : {"indy7", "panda", "ur5e", "planar_two_link"})
         for (int k = 0; k < test::countOf(4); ++k) {
             const bool isFrictionKnown = k % 4 != 3;
@@ -197,13 +198,17 @@ TEST(Fault91, AnArmThatMovesFreelyIsNotTakenForOneThatIsHeld) {
                 ", payload_kg: " + share(0.0, isPlanar ? 0.5 : 2.0) +
                 ", encoder_noise_rad: " + (random() % 2 || (isPlanar && !isFrictionKnown) ? share(1e-9, 2e-5) : "0") +
                 ", seed: " + std::to_string(random() % 1000) + "}");
+            if (k % 3 == 1) o.push_back("tick_s=0.004");
             const Extremes found = run(o, {-1, 0.0, isFrictionKnown, 0.04});
             tell(robot, "free", found, o);
-            // Wrists without rotors carry gains that do not overcome so much friction: that is another word.
-            const bool isWeak = (robot == std::string("ur5e") || robot == std::string("panda")) &&
-                                std::strstr(found.text, "does not follow");
-            EXPECT_TRUE(!found.stopped || isWeak) << found.text << "\n" << o[1] << " " << o[2] << " " << o.back();
+            // The wrists of two carry gains that do not overcome so much friction: that is another word, and seldom.
+            const bool isWeak = found.stopped && std::strstr(found.text, "does not follow") &&
+                                (robot == std::string("ur5e") || robot == std::string("panda"));
+            weak += isWeak;
+            EXPECT_TRUE(!found.stopped || isWeak) << found.text << "\n" << testing::PrintToString(o);
         }
+    std::printf("  %d arms did not follow\n", weak);
+    EXPECT_LE(weak, test::countOf(4) / 2);  // an eighth
 }
 
 }  // namespace

@@ -37,6 +37,8 @@ struct JointFriction {
     JointVector coulomb;          ///< [Nm], >= 0
     JointVector viscous;          ///< [Nm], >= 0: what the viscous part saturates to
     JointVector viscousVelocity;  ///< [rad/s], > 0
+
+    double calcViscous(int joint, double speed) const;  ///< the viscous part at a speed >= 0 [Nm]
 };
 
 /** Motors and gears of the joints. Every figure is on the output side of the gear unless it says otherwise. */
