@@ -87,9 +87,8 @@ private:
             viable::JointVector driving = torque_, acceleration;
             for (int i = 0; i < driving.size(); ++i) {
                 const double v = state_.qd[i];
-                driving[i] -=
-                    friction_.coulomb[i] * std::tanh(v / 0.02) +
-                    friction_.viscous[i] * std::copysign(-std::expm1(-std::abs(v) / friction_.viscousVelocity[i]), v);
+                driving[i] -= friction_.coulomb[i] * std::tanh(v / 0.02) +
+                              std::copysign(friction_.calcViscous(i, std::abs(v)), v);
             }
             viable::calcForwardDynamics(dynamics_, driving, acceleration);
             state_.qd += dt * acceleration;

@@ -103,7 +103,7 @@ double Authority::calcHold(int joint) const {
 }
 
 /** Of what lasted, what may be added beside `reach` [Nm]. */
-double Authority::limitLasting(int joint) const {
+double Authority::calcLasting(int joint) const {
     return std::clamp(lasting_[joint], -sizes_.lasting[joint], sizes_.lasting[joint]);
 }
 
@@ -113,7 +113,7 @@ void Authority::update(const MotionState& nominal, JointState& real) {
         const std::size_t at = index(i);
         const double error = real.q[i] - nominal.q[i];
         velocity_[i] += share * (std::clamp(real.qd[i], fastest_.lower[i], fastest_.upper[i]) - velocity_[i]);
-        const double lasting = limitLasting(i);
+        const double lasting = calcLasting(i);
         highest_[i] = lasting + calcFriction(i, std::max(0.0, velocity_[i])) + sizes_.reach[i];
         lowest_[i] = lasting - calcFriction(i, std::max(0.0, -velocity_[i])) - sizes_.reach[i];
         isNear_[at] = true;
@@ -144,7 +144,7 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
         cutTicks_[at] = side == 0 ? 0 : side == cutSide_[at] ? cutTicks_[at] + 1 : 1;
         cutSide_[at] = side;
         // What lasted against it may have been friction, which now acts the other way.
-        const double turning = std::min(calcHold(i), std::max(0.0, given > 0.0 ? -limitLasting(i) : limitLasting(i)));
+        const double turning = std::min(calcHold(i), std::max(0.0, given > 0.0 ? -calcLasting(i) : calcLasting(i)));
         const double push = given > 0.0 ? given - highest_[i] : lowest_[i] - given;
         isPressing_[at] = push + sizes_.reach[i] > turning + kPressing * sizes_.reach[i];
         if (side != 0) {

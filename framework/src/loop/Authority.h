@@ -110,7 +110,7 @@ private:
     double calcFigure(int joint, double speed) const;
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);
-    double limitLasting(int joint) const;
+    double calcLasting(int joint) const;
 
     int n_ = 0, heldTicks_ = 0, wayTicks_ = 1;
     double tick_s_ = 0.0;

@@ -229,14 +229,15 @@ bool ControlLoop::replaceStillReading(int joint) {
     return true;
 }
 
-bool ControlLoop::mayNotAnswer(int joint) const {
+/** The robust loop pushes it by what its readings say. */
+bool ControlLoop::isDriven(int joint) const {
     return isLoopAsked_ && isPlausible_[static_cast<std::size_t>(joint)] && authority_.limits(joint) &&
            authority_.hasAdded(joint);
 }
 
 /** Its reading stopped at once. */
 bool ControlLoop::isSuspect(int joint) const {
-    return !options_.bound && mayNotAnswer(joint) && sensors_.isSuspect(joint);
+    return !options_.bound && isDriven(joint) && sensors_.isSuspect(joint);
 }
 
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
@@ -245,7 +246,7 @@ void ControlLoop::checkAnswers() {
     if (hasFailed() || !isLoopAsked_) return;
     const JointMatrix& M = nominalArm_.dynamics().M;
     for (int i = 0; i < n_; ++i) {
-        if (!mayNotAnswer(i)) continue;
+        if (!isDriven(i)) continue;
         const double coulomb = setup_.robot.actuation.friction.coulomb[i];
         const double inertia = M.rows() == n_ ? M(i, i) : 0.0;
         // Friction may stop a joint that is slow as well.
@@ -439,7 +440,7 @@ void ControlLoop::seeJoint(int joint) {
     plausible_.q[joint] = real_.q[joint];
     plausible_.qd[joint] = real_.qd[joint];
     if (!isSuspect(joint) || sensors_.stillTicks(joint) >= kStillTicks) return;
-    // Until it is known whether it is stuck, it is not pushed.
+    // Until it is known whether it is stuck, it is not pushed, nor in ticks without a reading.
     plausible_.q[joint] = nominal().q[joint] + sensors_.changedDeviation(joint);
     plausible_.qd[joint] = nominal().qd[joint];
 }

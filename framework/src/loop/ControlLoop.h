@@ -128,7 +128,7 @@ private:
     void seeJoint(int joint);
     void dropReading(int joint, bool isInVain);
     bool replaceStillReading(int joint);
-    bool mayNotAnswer(int joint) const;
+    bool isDriven(int joint) const;
     bool isSuspect(int joint) const;
     void checkAnswers();
     void checkTracking();

@@ -227,12 +227,21 @@ TEST_F(AuthorityTest, TellsWhatAJointThatReadsTheSameMustHaveDone) {
     EXPECT_FALSE(authority_.isPressed(0)) << "less than half of its reach beside friction";
     for (const double way : {1.0, -1.0}) {
         reset(-2.25 * way);  // dry friction, half more than the figure
-        for (int k = 0; k < 50; ++k) tick(pair(way * (-2.25 + 3.0 + 5.1), 0.0), still_, rest_, true);
-        EXPECT_FALSE(authority_.isPressed(0)) << "friction turns round, too";
+        for (int k = 0; k < 50; ++k) {
+            tick(pair(way * (-2.25 + 3.0 + 6.5), 0.0), still_, rest_, true);
+            EXPECT_FALSE(authority_.isPressed(0)) << "friction turns round, too: " << k;
+        }
         reset(-2.25 * way);
         for (int k = 0; k < 5; ++k) tick(pair(way * (3.0 + 5.1), 0.0), still_, rest_, true);
         EXPECT_TRUE(authority_.isPressed(0));
     }
+    arm_.robot.actuation.friction.coulomb[0] = 2.6;  // its reach of 10 Nm is less than four times that
+    authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
+    reset(-5.3);
+    for (int k = 0; k < 500; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+    EXPECT_FALSE(authority_.isPressed(0)) << "so much friction may hold it (MATH 11)";
+    arm_.robot.actuation.friction.coulomb[0] = 1.5;
+    authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
     for (const double after : {4.0, 0.0, -2.9, -5.9, 10.9}) {
         reset(5.0);
         for (int k = 0; k < 1000; ++k) tick(pair(after, 0.0), still_, rest_, true);

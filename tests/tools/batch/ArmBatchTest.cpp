@@ -680,6 +680,32 @@ TEST(ArmBatch, ARealJointThatIsHeldGetsNoMoreThanItsAuthority) {
     }
 }
 
+// The plant stands still, so its loop is cut while the nominal torque changes faster than the motors can.
+TEST(ArmBatch, NoCutMakesTheMotorsFasterThanTheyAre) {
+    const RobotDescription robot = loadArm("indy7");
+    const double rate = 300.0, step_Nm = 1e-3 * rate * (1.0 + 1e-9);
+    ArmBatchOptions options;
+    options.plant = "{plugin: failing_plant, after_ticks: 1000000, rates: 6, rate_Nmps: 300}";
+    options.pluginPath = {VIABLE_BROKEN_PLUGIN_DIR};
+    ArmBatch batch(robot, 1, 0.001, options);
+    for (int round = 0; round < 2; ++round) {
+        std::vector<double> before;
+        int atTheRate = 0;
+        for (int step = 0; step < 1500; ++step) {
+            const Actions actions(6, step / 250 % 2 ? 100.0 : -100.0);
+            batch.step(actions.data(), 1);
+            const std::vector<double>& now = batch.state().motorTorque;
+            for (std::size_t i = 0; i < before.size(); ++i) {
+                ASSERT_LE(std::abs(now[i] - before[i]), step_Nm) << step << " " << i;
+                atTheRate += std::abs(now[i] - before[i]) > 0.999 * step_Nm;
+            }
+            before = now;
+        }
+        EXPECT_GT(atTheRate, 100);
+        batch.reset({0}, {{robot.home, JointVector::Zero(6), JointVector::Zero(6)}});
+    }
+}
+
 TEST(ArmBatch, APlantThatFailsStopsItsArmAloneUntilItsReset) {
     const RobotDescription robot = loadArm("indy7");
     for (const char* mode : {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
