@@ -1,22 +1,17 @@
 // What a user reads when a plugin misbehaves in the run, with and without --isolate.
-#include <gtest/gtest.h>
 
 #include <chrono>
 #include <csignal>
 #include <map>
 
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "Program.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using Folder = test::TemporaryFolder;
-using test::expectContains;
-using test::kSanitized;
-using test::Outcome;
+using Folder = TemporaryFolder;
 
 const char* const kFaultyExperiment = R"(schema: 1
 title: bad plugins
@@ -54,7 +49,7 @@ protected:
             "--set",
             std::string("cases.A.filter={plugin: ") + GetParam().plugin + ", after_ticks: 100}"};
         arguments.insert(arguments.end(), more.begin(), more.end());
-        return test::run(arguments);
+        return run(arguments);
     }
     std::string who() const {
         return std::string("the filter plugin '") + GetParam().plugin +
@@ -124,19 +119,19 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
-                                 "--no-report", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                           "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
-    expectContains(test::readFile(folder / "run/summary.json"), {"\"warnings\": [\n", "allocates"});
+    expectContains(readFile(folder / "run/summary.json"), {"\"warnings\": [\n", "allocates"});
 }
 
 TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--no-report",
-                                 "--set", "duration_s=2"});
+    const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--no-report",
+                           "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out.find("WARNING"), std::string::npos) << o.out;
 }
@@ -144,9 +139,8 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
-                   "duration_s=0.2", "--set", "cases.A.filter={plugin: leaks, after_ticks: 100}"});
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                           "--set", "duration_s=0.2", "--set", "cases.A.filter={plugin: leaks, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
                            "The program grew by 1", " MB in this case's ticks"});
@@ -162,7 +156,7 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
                                    "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
     for (const char* jobs : {"1", "2"}) {
         const Outcome o =
-            test::run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
+            run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
         EXPECT_EQ(o.code, 0) << o.err;
         expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)"});
         EXPECT_EQ(o.out.find("The program grew by") != std::string::npos, jobs == std::string("1")) << o.out;
@@ -172,13 +166,12 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
 TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
     if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
-                   "cases.A.filter={plugin: misbehaves, how: eats_memory, after_ticks: 100}"},
-                  [] {
-                      const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
-                      setrlimit(RLIMIT_AS, &limit);
-                  });
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                           "--set", "cases.A.filter={plugin: misbehaves, how: eats_memory, after_ticks: 100}"},
+                          [] {
+                              const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
+                              setrlimit(RLIMIT_AS, &limit);
+                          });
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"the filter plugin 'misbehaves' (", "failed: it threw: std::bad_alloc"});
     EXPECT_GT(countRowsOfWholeLog(folder / "run/A.mcap"), 101);  // and its stop
@@ -187,9 +180,8 @@ TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                   "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                           "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
 }
@@ -204,7 +196,7 @@ Outcome runWith(const Folder& folder, const std::string& filter, std::vector<std
                                        "--set",
                                        "cases.A.filter=" + filter};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    return test::run(arguments);
+    return run(arguments);
 }
 
 TEST(Fault50, AChangeOfArithmeticBeforeTheFirstTickIsRefused) {
@@ -229,12 +221,12 @@ TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
             const std::string path = folder.path();
             const std::string file = folder.write("e.yaml", kFaultyExperiment);
             // What is relative is relative to where the user stands.
-            const Outcome o = test::run(
-                {"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name, "--no-report", how},
-                [path] {
-                    setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
-                    if (chdir(path.c_str()) != 0) _exit(98);
-                });
+            const Outcome o =
+                run({"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name, "--no-report", how},
+                    [path] {
+                        setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
+                        if (chdir(path.c_str()) != 0) _exit(98);
+                    });
             EXPECT_EQ(o.code, 0) << o.err;
             EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
             expectContains(o.out, {"WARNING       the filter plugin '" + name + "' (",
@@ -243,7 +235,7 @@ TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
                                        "folder (to /), what is done at signal 2 (Interrupt), what is done at signal 11 "
                                        "(Segmentation fault)",
                                    "It was set back"});
-            const Outcome check = test::run({"check", file, "--set", "cases.A.filter.plugin=" + name});
+            const Outcome check = run({"check", file, "--set", "cases.A.filter.plugin=" + name});
             EXPECT_EQ(check.code, 0) << check.err;
             expectContains(check.err, {"viable: warning: case A: the filter plugin '" + name + "' ("});
         }
@@ -325,7 +317,7 @@ TEST(Fault47, AHangBeforeTheFirstTickIsNamedWithItsCall) {
             if (isIsolated) arguments.push_back("--isolate");
             const std::string wanted = when;
             const auto begin = std::chrono::steady_clock::now();
-            const Outcome o = test::run(arguments, [wanted] { setenv("VIABLE_HANGS_WHEN", wanted.c_str(), 1); });
+            const Outcome o = run(arguments, [wanted] { setenv("VIABLE_HANGS_WHEN", wanted.c_str(), 1); });
             EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(8));  // not after 10 or 60
             EXPECT_EQ(o.code, 4);
             expectContains(o.err, {"the filter plugin 'hangs_before_ticks' (",
@@ -380,9 +372,9 @@ TEST(Fault48, ACrashOfViableWhilePluginsAreIsolatedIsItsOwn) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
     Folder folder;
     const std::string log = folder / "run/A.mcap";
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
-                                 "--no-report", "--isolate", "--set", "duration_s=60"},
-                                [log] { crashOnceThereIs(log, 100000); });
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                           "--isolate", "--set", "duration_s=60"},
+                          [log] { crashOnceThereIs(log, 100000); });
     EXPECT_EQ(o.code, 70) << o.err;
     expectContains(o.err, {"viable: crashed: signal 11 (Segmentation fault) while the cases ran. Each plugin runs in a "
                            "process of its own: this is a fault of viable. Please report it. The logs in "});
@@ -398,8 +390,8 @@ TEST(Fault48, ACrashAfterTheCasesIsViablesAndLeavesNoClaim) {
     const std::string summary = folder / "run/summary.json";
     // The report of many rows takes a while.
     const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--set", "duration_s=60"},
-                  [summary] { crashOnceThereIs(summary, 0); });
+        run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--set", "duration_s=60"},
+            [summary] { crashOnceThereIs(summary, 0); });
     EXPECT_EQ(o.code, 70) << o.err;
     expectContains(o.err, {"viable: crashed: signal 11 (Segmentation fault) while summary and report were written. All "
                            "cases have ended, and no plugin is called any more: this is a fault of viable, unless a "
@@ -425,8 +417,8 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
     Folder folder;
     for (const char* how : {"--no-report", "--isolate"}) {
         const Outcome o =
-            test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / how, "--case", "C3", "--set",
-                       "duration_s=2", "--no-report", "--set", "missed_ticks=[{at_s: 1, count: 5}]", how});
+            run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / how, "--case", "C3", "--set",
+                 "duration_s=2", "--no-report", "--set", "missed_ticks=[{at_s: 1, count: 5}]", how});
         ASSERT_EQ(o.code, 0) << o.err;
     }
     LogReader here(folder / "--no-report/C3.mcap"), there(folder / "--isolate/C3.mcap");
@@ -448,8 +440,8 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
 
 TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate",
-                                 "--set", "cases.A.filter.plugin=create_throws"});
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate",
+                           "--set", "cases.A.filter.plugin=create_throws"});
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"viable_filter_create_throws.so", "could not be made"});
     EXPECT_FALSE(std::filesystem::exists(folder / "run"));
@@ -457,9 +449,9 @@ TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
 
 TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
     Folder folder;
-    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1",
-                                 "--set", "duration_s=5", "--no-report", "--set",
-                                 "cases.C1.filter=[acceleration_viability, certified_braking]"});
+    const Outcome o =
+        run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1", "--set",
+             "duration_s=5", "--no-report", "--set", "cases.C1.filter=[acceleration_viability, certified_braking]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"C1: filter acceleration_viability + certified_braking",
                            "all limits kept (nominal arm; the filter guarantees all)"});
@@ -467,9 +459,9 @@ TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
 
 TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
-                                 "--no-report", "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
-                                 "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
+    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                           "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
+                           "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
     EXPECT_EQ(o.code, 3) << o.err;
     expectContains(o.err, {"the filter plugin 'rewrites' (",
                            "failed: it changed what 'certified_braking' before it had decided, which "
@@ -478,4 +470,4 @@ TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -3,20 +3,16 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <atomic>
 #include <csignal>
-#include <cstdlib>
 #include <thread>
 
 #include "Effort.h"
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using namespace test;
 
 using Space = MotionCommand::Space;
 
@@ -41,7 +37,7 @@ protected:
 };
 
 unsigned getSeed(unsigned otherwise) {
-    const auto seed = static_cast<unsigned>(test::getSeed(otherwise));
+    const auto seed = static_cast<unsigned>(getSeed(otherwise));
     std::printf("VIABLE_SEED=%u\n", seed);
     return seed;
 }
@@ -282,4 +278,4 @@ TEST_F(LogRecoveryTest, DamageIsNotHidden) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test
