@@ -49,7 +49,7 @@ protected:
             "--set",
             std::string("cases.A.filter={plugin: ") + GetParam().plugin + ", after_ticks: 100}"};
         arguments.insert(arguments.end(), more.begin(), more.end());
-        return run(arguments);
+        return test::run(arguments);
     }
     std::string who() const {
         return std::string("the filter plugin '") + GetParam().plugin +
@@ -119,8 +119,8 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                           "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
@@ -130,8 +130,8 @@ TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
 TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--no-report",
-                           "--set", "duration_s=2"});
+    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--no-report",
+                                 "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out.find("WARNING"), std::string::npos) << o.out;
 }
@@ -139,8 +139,9 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                           "--set", "duration_s=0.2", "--set", "cases.A.filter={plugin: leaks, after_ticks: 100}"});
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
+                   "duration_s=0.2", "--set", "cases.A.filter={plugin: leaks, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
                            "The program grew by 1", " MB in this case's ticks"});
@@ -156,7 +157,7 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
                                    "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
     for (const char* jobs : {"1", "2"}) {
         const Outcome o =
-            run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
+            test::run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
         EXPECT_EQ(o.code, 0) << o.err;
         expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)"});
         EXPECT_EQ(o.out.find("The program grew by") != std::string::npos, jobs == std::string("1")) << o.out;
@@ -166,12 +167,13 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
 TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
     if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                           "--set", "cases.A.filter={plugin: misbehaves, how: eats_memory, after_ticks: 100}"},
-                          [] {
-                              const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
-                              setrlimit(RLIMIT_AS, &limit);
-                          });
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
+                   "cases.A.filter={plugin: misbehaves, how: eats_memory, after_ticks: 100}"},
+                  [] {
+                      const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
+                      setrlimit(RLIMIT_AS, &limit);
+                  });
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"the filter plugin 'misbehaves' (", "failed: it threw: std::bad_alloc"});
     EXPECT_GT(countRowsOfWholeLog(folder / "run/A.mcap"), 101);  // and its stop
@@ -180,8 +182,9 @@ TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                           "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                   "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
 }
@@ -196,7 +199,7 @@ Outcome runWith(const Folder& folder, const std::string& filter, std::vector<std
                                        "--set",
                                        "cases.A.filter=" + filter};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    return run(arguments);
+    return test::run(arguments);
 }
 
 TEST(Fault50, AChangeOfArithmeticBeforeTheFirstTickIsRefused) {
@@ -221,12 +224,12 @@ TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
             const std::string path = folder.path();
             const std::string file = folder.write("e.yaml", kFaultyExperiment);
             // What is relative is relative to where the user stands.
-            const Outcome o =
-                run({"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name, "--no-report", how},
-                    [path] {
-                        setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
-                        if (chdir(path.c_str()) != 0) _exit(98);
-                    });
+            const Outcome o = test::run(
+                {"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name, "--no-report", how},
+                [path] {
+                    setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
+                    if (chdir(path.c_str()) != 0) _exit(98);
+                });
             EXPECT_EQ(o.code, 0) << o.err;
             EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
             expectContains(o.out, {"WARNING       the filter plugin '" + name + "' (",
@@ -235,7 +238,7 @@ TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
                                        "folder (to /), what is done at signal 2 (Interrupt), what is done at signal 11 "
                                        "(Segmentation fault)",
                                    "It was set back"});
-            const Outcome check = run({"check", file, "--set", "cases.A.filter.plugin=" + name});
+            const Outcome check = test::run({"check", file, "--set", "cases.A.filter.plugin=" + name});
             EXPECT_EQ(check.code, 0) << check.err;
             expectContains(check.err, {"viable: warning: case A: the filter plugin '" + name + "' ("});
         }
@@ -317,7 +320,7 @@ TEST(Fault47, AHangBeforeTheFirstTickIsNamedWithItsCall) {
             if (isIsolated) arguments.push_back("--isolate");
             const std::string wanted = when;
             const auto begin = std::chrono::steady_clock::now();
-            const Outcome o = run(arguments, [wanted] { setenv("VIABLE_HANGS_WHEN", wanted.c_str(), 1); });
+            const Outcome o = test::run(arguments, [wanted] { setenv("VIABLE_HANGS_WHEN", wanted.c_str(), 1); });
             EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(8));  // not after 10 or 60
             EXPECT_EQ(o.code, 4);
             expectContains(o.err, {"the filter plugin 'hangs_before_ticks' (",
@@ -372,9 +375,9 @@ TEST(Fault48, ACrashOfViableWhilePluginsAreIsolatedIsItsOwn) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
     Folder folder;
     const std::string log = folder / "run/A.mcap";
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                           "--isolate", "--set", "duration_s=60"},
-                          [log] { crashOnceThereIs(log, 100000); });
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--isolate", "--set", "duration_s=60"},
+                                [log] { crashOnceThereIs(log, 100000); });
     EXPECT_EQ(o.code, 70) << o.err;
     expectContains(o.err, {"viable: crashed: signal 11 (Segmentation fault) while the cases ran. Each plugin runs in a "
                            "process of its own: this is a fault of viable. Please report it. The logs in "});
@@ -390,8 +393,8 @@ TEST(Fault48, ACrashAfterTheCasesIsViablesAndLeavesNoClaim) {
     const std::string summary = folder / "run/summary.json";
     // The report of many rows takes a while.
     const Outcome o =
-        run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--set", "duration_s=60"},
-            [summary] { crashOnceThereIs(summary, 0); });
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--set", "duration_s=60"},
+                  [summary] { crashOnceThereIs(summary, 0); });
     EXPECT_EQ(o.code, 70) << o.err;
     expectContains(o.err, {"viable: crashed: signal 11 (Segmentation fault) while summary and report were written. All "
                            "cases have ended, and no plugin is called any more: this is a fault of viable, unless a "
@@ -417,8 +420,8 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
     Folder folder;
     for (const char* how : {"--no-report", "--isolate"}) {
         const Outcome o =
-            run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / how, "--case", "C3", "--set",
-                 "duration_s=2", "--no-report", "--set", "missed_ticks=[{at_s: 1, count: 5}]", how});
+            test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / how, "--case", "C3", "--set",
+                       "duration_s=2", "--no-report", "--set", "missed_ticks=[{at_s: 1, count: 5}]", how});
         ASSERT_EQ(o.code, 0) << o.err;
     }
     LogReader here(folder / "--no-report/C3.mcap"), there(folder / "--isolate/C3.mcap");
@@ -440,8 +443,8 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
 
 TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate",
-                           "--set", "cases.A.filter.plugin=create_throws"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate",
+                                 "--set", "cases.A.filter.plugin=create_throws"});
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"viable_filter_create_throws.so", "could not be made"});
     EXPECT_FALSE(std::filesystem::exists(folder / "run"));
@@ -449,9 +452,9 @@ TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
 
 TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
     Folder folder;
-    const Outcome o =
-        run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1", "--set",
-             "duration_s=5", "--no-report", "--set", "cases.C1.filter=[acceleration_viability, certified_braking]"});
+    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1",
+                                 "--set", "duration_s=5", "--no-report", "--set",
+                                 "cases.C1.filter=[acceleration_viability, certified_braking]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"C1: filter acceleration_viability + certified_braking",
                            "all limits kept (nominal arm; the filter guarantees all)"});
@@ -459,9 +462,9 @@ TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
 
 TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                           "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
-                           "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
+                                 "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
     EXPECT_EQ(o.code, 3) << o.err;
     expectContains(o.err, {"the filter plugin 'rewrites' (",
                            "failed: it changed what 'certified_braking' before it had decided, which "

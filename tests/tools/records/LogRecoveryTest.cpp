@@ -37,7 +37,7 @@ protected:
 };
 
 unsigned getSeed(unsigned otherwise) {
-    const auto seed = static_cast<unsigned>(getSeed(otherwise));
+    const auto seed = static_cast<unsigned>(test::getSeed(otherwise));
     std::printf("VIABLE_SEED=%u\n", seed);
     return seed;
 }
