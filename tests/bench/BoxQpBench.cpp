@@ -1,11 +1,7 @@
 #include "viable/qp/BoxQp.h"
 
-#include <benchmark/benchmark.h>
-
 #include <Eigen/LU>
-#include <cmath>
 #include <random>
-#include <string>
 
 #include "ArmMatrices.h"
 #include "Quadprog.h"

@@ -1,7 +1,6 @@
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Cholesky>
-#include <utility>
 
 #include "ArmMatrices.h"
 

@@ -1,11 +1,8 @@
 #include "qp/RowQp.h"
 
-#include <benchmark/benchmark.h>
-
 #include <Eigen/LU>
 #include <cmath>
 #include <random>
-#include <string>
 
 #include "ArmMatrices.h"
 #include "LeastDistance.h"

@@ -2,13 +2,11 @@
 #include <octomap/OcTree.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <random>
 #include <string>
-#include <vector>
 
 #include "Paths.h"
 #include "TickTimes.h"

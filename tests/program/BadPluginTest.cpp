@@ -1,22 +1,17 @@
 // What a user reads when a plugin misbehaves in the run, with and without --isolate.
-#include <gtest/gtest.h>
 
 #include <chrono>
 #include <csignal>
 #include <map>
 
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "Program.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using Folder = test::TemporaryFolder;
-using test::expectContains;
-using test::kSanitized;
-using test::Outcome;
+using Folder = TemporaryFolder;
 
 const char* const kFaultyExperiment = R"(schema: 1
 title: bad plugins
@@ -129,7 +124,7 @@ TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
-    expectContains(test::readFile(folder / "run/summary.json"), {"\"warnings\": [\n", "allocates"});
+    expectContains(readFile(folder / "run/summary.json"), {"\"warnings\": [\n", "allocates"});
 }
 
 TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
@@ -478,4 +473,4 @@ TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

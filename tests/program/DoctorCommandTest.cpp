@@ -1,22 +1,15 @@
 // `viable doctor`: what it tells root and an ordinary user, and its codes.
-#include <gtest/gtest.h>
-#include <sys/resource.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
 #include "ExpectContains.h"
 #include "Program.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::expectContains;
-using test::Outcome;
 
 constexpr rlim_t kEightMegabytes = 8 * 1024 * 1024;
 
@@ -33,7 +26,7 @@ void becomeOrdinary() {
     if ((outcome).code == 77) GTEST_SKIP() << "an ordinary user cannot reach " VIABLE_PROGRAM
 
 TEST(DoctorCommand, TellsEachThingAndARemedyForWhatIsNotGood) {
-    const Outcome o = test::run({"doctor", "--measure", "0"});
+    const Outcome o = run({"doctor", "--measure", "0"});
     ASSERT_EQ(o.code, 0) << o.err;
     expectContains(
         o.out, {"Real time on this machine, for the user ", " kernel ", " priority limit ", " SCHED_FIFO ",
@@ -45,7 +38,7 @@ TEST(DoctorCommand, TellsEachThingAndARemedyForWhatIsNotGood) {
 }
 
 TEST(DoctorCommand, MeasuresBothHalvesInOneTable) {
-    const Outcome o = test::run({"doctor", "--measure", "0.2"});
+    const Outcome o = run({"doctor", "--measure", "0.2"});
     ASSERT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"Measured for 0.2 s at a tick of 1 ms, in turns, beside a load of ", "without priority",
                            "p50       p99     p99.9     worst", "\nwake-up, late by ", "\nthe same work, takes ",
@@ -54,7 +47,7 @@ TEST(DoctorCommand, MeasuresBothHalvesInOneTable) {
 }
 
 TEST(DoctorCommand, JsonHasTheSameAndTheHistograms) {
-    const Outcome o = test::run({"doctor", "--measure", "0.2", "--tick", "0.002", "--json"});
+    const Outcome o = run({"doctor", "--measure", "0.2", "--tick", "0.002", "--json"});
     ASSERT_EQ(o.code, 0) << o.err;
     const json told = json::parse(o.out);
     EXPECT_EQ(told["lines"].size(), 17u);
@@ -87,7 +80,7 @@ TEST(DoctorCommand, JsonHasTheSameAndTheHistograms) {
 }
 
 TEST(Fault27, AnOrdinaryUserWith8MegabytesIsToldWhatIsMissingAndNothingHangs) {
-    const Outcome o = test::run({"doctor", "--measure", "0.2"}, becomeOrdinary);
+    const Outcome o = run({"doctor", "--measure", "0.2"}, becomeOrdinary);
     SKIP_WHERE_HIDDEN(o);
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     expectContains(o.out,
@@ -97,7 +90,7 @@ TEST(Fault27, AnOrdinaryUserWith8MegabytesIsToldWhatIsMissingAndNothingHangs) {
                     "\nA loop of this user runs as not real time: SCHED_FIFO is refused, memory cannot be locked.\n",
                     "with priority: refused", "\nRefused with priority:\n  memory is not locked",
                     "the loop has no real-time priority: none is allowed to this user (ulimit -r is 0)"});
-    const Outcome j = test::run({"doctor", "--measure", "0.1", "--json"}, becomeOrdinary);
+    const Outcome j = run({"doctor", "--measure", "0.1", "--json"}, becomeOrdinary);
     ASSERT_EQ(j.code, 0) << j.err;
     const json told = json::parse(j.out);
     EXPECT_EQ(told["real_time"], false);
@@ -107,7 +100,7 @@ TEST(Fault27, AnOrdinaryUserWith8MegabytesIsToldWhatIsMissingAndNothingHangs) {
 
 TEST(DoctorCommand, WhatCannotBeMeasuredIsRefused) {
     const auto expectRefused = [](const std::vector<std::string>& arguments, const std::vector<std::string>& words) {
-        const Outcome o = test::run(arguments);
+        const Outcome o = run(arguments);
         EXPECT_EQ(o.code, 2) << o.out << o.err;
         EXPECT_EQ(o.out, "");
         expectContains(o.err, words);
@@ -121,8 +114,8 @@ TEST(DoctorCommand, WhatCannotBeMeasuredIsRefused) {
 }
 
 TEST(DoctorCommand, ASystemThatHasNoSocketsLeftIsTold) {
-    if (test::kSanitized) GTEST_SKIP() << "a sanitizer needs files of its own to look at an exception";
-    const Outcome o = test::run({"doctor", "--measure", "0.1"}, [] {
+    if (kSanitized) GTEST_SKIP() << "a sanitizer needs files of its own to look at an exception";
+    const Outcome o = run({"doctor", "--measure", "0.1"}, [] {
         for (int file = 3; file < 1024; ++file) close(file);  // what whoever runs the tests has left open
         const rlimit few{4, 4};                               // one file at a time
         setrlimit(RLIMIT_NOFILE, &few);
@@ -133,4 +126,4 @@ TEST(DoctorCommand, ASystemThatHasNoSocketsLeftIsTold) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

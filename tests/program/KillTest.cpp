@@ -3,9 +3,7 @@
 #include <signal.h>
 #include <sys/mman.h>
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <random>
 #include <thread>
@@ -21,13 +19,11 @@
 // plugin that writes each tick's number and time into mapped memory, and so by nothing that takes part in logging.
 // VIABLE_SEED: of the moments of the kills.
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-using test::readFile;
-using test::WitnessPage;
 
 constexpr double kRecordTick_s = 0.001;
 constexpr double kMostLost_s = 0.2;
@@ -46,7 +42,7 @@ cases:
 )";
 
 std::mt19937_64 makeRandom() {
-    const long seed = test::getSeed(static_cast<long>(std::random_device()()));
+    const long seed = getSeed(static_cast<long>(std::random_device()()));
     std::printf("VIABLE_SEED=%ld\n", seed);
     std::fflush(stdout);  // or every child that is forked says it again
     return std::mt19937_64(static_cast<std::uint64_t>(seed));
@@ -107,7 +103,7 @@ public:
             arguments.insert(arguments.end(), {"--case", name});
             if (!paced) arguments.insert(arguments.end(), {"--set", "cases." + name + ".command.paced=false"});
         }
-        program_ = std::make_unique<test::Program>(std::move(arguments));
+        program_ = std::make_unique<Program>(std::move(arguments));
     }
 
     fs::path getLog(const std::string& name) const { return folder_ / ("run/" + name + ".mcap"); }
@@ -120,7 +116,7 @@ public:
 
     void kill() {
         ::kill(program_->pid(), SIGKILL);
-        const test::Outcome o = program_->wait();
+        const Outcome o = program_->wait();
         isAlive_ = false;
         EXPECT_EQ(o.code, -SIGKILL) << o.out << o.err;
     }
@@ -147,7 +143,7 @@ private:
             const std::string bytes = readFile(log);
             LogReader reader(log);
             EXPECT_FALSE(reader.isComplete());
-            const test::Outcome o = test::run({"recover", log});
+            const Outcome o = run({"recover", log});
             ASSERT_EQ(o.code, 0) << o.err;
             EXPECT_EQ(o.err, "");
             EXPECT_TRUE(readFile(log) == bytes) << "the original was touched";
@@ -185,10 +181,10 @@ private:
         if (lost > 0) tally.worstWall_s = std::max(tally.worstWall_s, witness.getSeconds(rows, witness.ticks() - 1));
     }
 
-    test::TemporaryFolder folder_;
+    TemporaryFolder folder_;
     std::vector<std::string> cases_;
     std::vector<std::unique_ptr<Witness>> witnesses_;
-    std::unique_ptr<test::Program> program_;
+    std::unique_ptr<Program> program_;
     bool isAlive_ = true;
 };
 
@@ -233,7 +229,7 @@ Tally killAtRandom(long count, int atOnce, bool paced) {
 // A run in real time, as with a robot, measured in the log's time (which is the clock's unless the machine is too
 // busy for a tick per millisecond).
 TEST(Fault73_Kill, ARunInRealTimeLosesAtMostTwoTenthsOfASecond) {
-    const Tally tally = killAtRandom(test::countOf(50), kAtOnce, true);
+    const Tally tally = killAtRandom(countOf(50), kAtOnce, true);
     tally.print("real time");
     EXPECT_GE(tally.logs, tally.kills * 4 / 5);
     EXPECT_LE(tally.worstLog_s, kMostLost_s);
@@ -242,7 +238,7 @@ TEST(Fault73_Kill, ARunInRealTimeLosesAtMostTwoTenthsOfASecond) {
 // A simulation is faster than the log's time: up to a ring of rows waits in the recorder besides the chunk. What is
 // lost of the clock is printed; it is hundredths of a second where the writing thread gets its turn.
 TEST(Fault73_Kill, AFastRunLosesAtMostTheRecordersRingAndAChunk) {
-    const Tally tally = killAtRandom(test::countOf(10), 1, false);
+    const Tally tally = killAtRandom(countOf(10), 1, false);
     tally.print("as fast as it goes");
     EXPECT_GE(tally.logs, tally.kills * 4 / 5);
     constexpr double kMostTicks = kRecorderCapacity + kLongestChunk_s / kRecordTick_s + 2;
@@ -253,7 +249,7 @@ TEST(Fault73_Kill, AFastRunLosesAtMostTheRecordersRingAndAChunk) {
 TEST(Fault73_Kill, ALogCanBeReadFromTheMomentItHasAName) {
     std::mt19937_64 random = makeRandom();
     Tally tally;
-    const long count = test::countOf(25);
+    const long count = countOf(25);
     while (tally.kills < count) {
         KilledRun run(true, {"A"});
         while (!run.hasLog()) {
@@ -270,4 +266,4 @@ TEST(Fault73_Kill, ALogCanBeReadFromTheMomentItHasAName) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

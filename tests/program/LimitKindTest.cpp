@@ -1,5 +1,4 @@
 // A kind of limit that a plugin brings along, by one class and one row: the program knows it wherever it knows its own.
-#include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
@@ -9,11 +8,8 @@
 #include "records/LogReader.h"
 #include "viable/limits/ArmLimit.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
-using test::Outcome;
 
 const char* const kTipping = R"(schema: 1
 title: a tool that tips
@@ -25,7 +21,7 @@ cases: {A: {filter: {plugin: upright}}, B: {filter: {plugin: pass_through}}}
 )";
 
 TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::string file = folder.write("e.yaml", kTipping);
     const Outcome run = test::run({"run", file, "--out", folder / "run"});
     EXPECT_EQ(run.code, 3) << run.err;
@@ -33,7 +29,7 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
                              "the nominal arm broke its limit of upright: worst ", "limit 20, beyond it in"});
 
     const nlohmann::json summary =
-        nlohmann::json::parse(test::readFile(std::filesystem::path(folder / "run") / "summary.json"));
+        nlohmann::json::parse(readFile(std::filesystem::path(folder / "run") / "summary.json"));
     const nlohmann::json &liar = summary["cases"][0], &passing = summary["cases"][1];
     EXPECT_EQ(liar["exit_code"], 3);
     EXPECT_EQ(passing["exit_code"], 0);
@@ -70,16 +66,16 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
     EXPECT_TRUE(acts);
     EXPECT_NEAR(worst, liar["upright"]["nominal"]["worst_deg"], 0.1);
 
-    const std::string report = test::readFile(std::filesystem::path(folder / "run") / "report.html");
+    const std::string report = readFile(std::filesystem::path(folder / "run") / "report.html");
     expectContains(report,
                    {"upright, ticks beyond", "the nominal arm broke its limit of upright", "\"upright_upper\""});
     const Outcome again = test::run({"report", folder / "run"});
     EXPECT_EQ(again.code, 0) << again.err;
-    expectContains(test::readFile(std::filesystem::path(folder / "run") / "report.html"), {"upright, ticks beyond"});
+    expectContains(readFile(std::filesystem::path(folder / "run") / "report.html"), {"upright, ticks beyond"});
 }
 
 TEST(LimitKind, JudgeThatMisbehavesIsContainedAndTheLibraryNamed) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const auto write = [&](const std::string& judge, const std::string& more = "") {
         std::string text = kTipping + more;
         text.replace(text.find("upright}"), 7, "upright, judge: " + judge);
@@ -99,21 +95,21 @@ TEST(LimitKind, JudgeThatMisbehavesIsContainedAndTheLibraryNamed) {
                    {"the limit 'upright' (", "viable_filter_upright.so): could not say whether a case has it"});
     EXPECT_EQ(none.code, 4) << none.err;
     expectContains(none.err, {"the limit 'upright' (", "viable_filter_upright.so): could not be made: it gave none"});
-    if (test::kSanitized) return;  // there the sanitizer tells of crashes
+    if (kSanitized) return;  // there the sanitizer tells of crashes
     EXPECT_EQ(crashed.code, 4) << crashed.err;
     expectContains(crashed.err, {"the limit 'upright' (", "while it judged an arm"});
 }
 
 TEST(LimitKind, OfAPluginIsCheckedBeforeARun) {
-    const test::TemporaryFolder folder;
-    const Outcome kept = test::run({"check", folder.write("e.yaml", kTipping)});
+    const TemporaryFolder folder;
+    const Outcome kept = run({"check", folder.write("e.yaml", kTipping)});
     EXPECT_EQ(kept.code, 0) << kept.err;
     expectContains(kept.out, {"limits   upright guaranteed", "limits   upright not guaranteed", "e.yaml: ok"});
     const Outcome tipped =
-        test::run({"check", folder.write("t.yaml", std::string(kTipping) + "start: {position_rad: [0.5]}\n")});
+        run({"check", folder.write("t.yaml", std::string(kTipping) + "start: {position_rad: [0.5]}\n")});
     EXPECT_EQ(tipped.code, 0) << tipped.err;
     expectContains(tipped.out, {"WARNING  at the start the arm broke its limit of upright: worst 28.6 (tool)"});
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,33 +1,13 @@
 // `viable robot` and `viable run` with the plant `link`, each in a process of its own; faults 83, 84 and 86.
 #include <fcntl.h>
-#include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/mman.h>
-#include <time.h>
-#include <unistd.h>
 
-#include <atomic>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
 #include "ExpectContains.h"
-#include "Program.h"
 #include "RobotProcess.h"
-#include "TemporaryFolder.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
-using test::Outcome;
-using test::Program;
-using test::readFile;
-
-using test::kLinkedExperiment;
-using test::Robot;
-using test::sleepFor;
 
 std::vector<std::string> makeRun(const Robot& robot, const std::string& out, const std::string& duration_s,
                                  const std::vector<std::string>& more = {"--case", "linked"}) {
@@ -55,7 +35,7 @@ void expectLimitsKept(const nlohmann::json& one) {
 }
 
 TEST(LinkProgram, ARobotInAnotherProcessIsDrivenAsThePlainOne) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     Robot robot(true);
     double expected = 0.0, measured = 0.0;
     int runs = 0;
@@ -63,8 +43,8 @@ TEST(LinkProgram, ARobotInAnotherProcessIsDrivenAsThePlainOne) {
         ASSERT_LE(++runs, 10) << "each run missed ticks";
         const std::string out = folder / ("run" + std::to_string(runs));
         // Without a blend: the plain arm begins with the model's torque.
-        const Outcome o = test::run(
-            makeRun(robot, out, "0.9", {"--jobs", "1", "--set", "cases.linked.real_plant.rest_torque_share=.inf"}));
+        const Outcome o =
+            run(makeRun(robot, out, "0.9", {"--jobs", "1", "--set", "cases.linked.real_plant.rest_torque_share=.inf"}));
         ASSERT_EQ(o.code, 0) << o.out << o.err;
         const nlohmann::json plain = readCase(out, "simulated"), linked = readCase(out, "linked");
         expectLimitsKept(plain);
@@ -84,10 +64,10 @@ TEST(LinkProgram, ARobotInAnotherProcessIsDrivenAsThePlainOne) {
 }
 
 TEST(Fault83, OnALineThatLosesDelaysDoublesAndCorruptsTheNominalLimitsHold) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--lose", "0.02", "--duplicate", "0.05", "--reorder", "0.05", "--corrupt",
                        "0.02", "--delay", "1", "--seed", "7"});
-    const Outcome o = test::run(makeRun(robot, folder / "run", "0.6"));
+    const Outcome o = run(makeRun(robot, folder / "run", "0.6"));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     const nlohmann::json linked = readCase(folder / "run", "linked");
     expectLimitsKept(linked);
@@ -99,7 +79,7 @@ TEST(Fault83, OnALineThatLosesDelaysDoublesAndCorruptsTheNominalLimitsHold) {
 
 TEST(Fault84, AKilledRobotEndsTheRunWithASentence) {
     for (const bool isIsolated : {false, true}) {
-        const test::TemporaryFolder folder;
+        const TemporaryFolder folder;
         Robot robot(!isIsolated);
         std::vector<std::string> more{"--case", "linked"};
         if (isIsolated) more.push_back("--isolate");
@@ -118,7 +98,7 @@ TEST(Fault84, AKilledRobotEndsTheRunWithASentence) {
 }
 
 TEST(Fault86, AStoppedHostLeavesTheRobotToItsOwnHoldAndBrakes) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     Robot robot(false, {"--clock", "0.5", "--repeat", "100", "--brake-after", "10"});
     Program program(makeRun(robot, folder / "run", "100"));
     robot.await("a host has come");
@@ -143,7 +123,7 @@ double readFigure(const std::string& text, const std::string& word) {
 /** In full motion; no torque of the robot steps farther than it allows, it comes to rest by itself, and serves the next host. */
 TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
     for (const bool usesUdp : {true, false}) {
-        const test::TemporaryFolder folder;
+        const TemporaryFolder folder;
         Robot robot(usesUdp, {"--clock", "0.5", "--repeat", "20", "--torque-rate", "800"});
         Program program(makeRun(robot, folder / "run", "100"));
         robot.await("a host has come");
@@ -154,7 +134,7 @@ TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
         const std::string text = robot.await("it has come to rest in ");
         EXPECT_GT(readFigure(text, "it has come to rest in "), 0.02) << text;
         robot.await("the host has gone");
-        const Outcome o = test::run(makeRun(robot, folder / "next", "0.2"));
+        const Outcome o = run(makeRun(robot, folder / "next", "0.2"));
         EXPECT_EQ(o.code, 0) << o.out << o.err;
         const Outcome ended = robot.end(SIGINT);
         expectContains(ended.out, {"hosts     2\n", "held itself for want of commands 1 times"});
@@ -166,9 +146,9 @@ TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
 
 /** Torques go missing in motion, and the host goes on with its own. */
 TEST(Fault83, LostTorquesDoNotStepFartherThanTheRobotAllows) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--torque-rate", "800", "--lose", "0.25", "--from", "1.0", "--seed", "5"});
-    const Outcome o = test::run(makeRun(robot, folder / "run", "1.4"));
+    const Outcome o = run(makeRun(robot, folder / "run", "1.4"));
     EXPECT_TRUE(o.code == 0 || o.code == 4) << o.code << o.out << o.err;  // 4: too late in the mean, on a busy machine
     expectLimitsKept(readCase(folder / "run", "linked"));
     const Outcome ended = robot.end(SIGINT);
@@ -179,9 +159,9 @@ TEST(Fault83, LostTorquesDoNotStepFartherThanTheRobotAllows) {
 }
 
 TEST(Fault84, ARobotThatReportsAFaultInMotionEndsTheRunAndComesToRest) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--fault-at", "1.3"});
-    const Outcome o = test::run(makeRun(robot, folder / "run", "100"));
+    const Outcome o = run(makeRun(robot, folder / "run", "100"));
     EXPECT_EQ(o.code, 4) << o.out << o.err;
     expectContains(o.err, {"any more: it reports a fault of its own; find and clear it at the robot"});
     expectLimitsKept(readCase(folder / "run", "linked"));
@@ -190,7 +170,7 @@ TEST(Fault84, ARobotThatReportsAFaultInMotionEndsTheRunAndComesToRest) {
 
 /** Ctrl-C while the robot is called, which would go on for 20 s. */
 TEST(LinkProgram, TheCallOfARobotEndsAtOnceWhenTheUserAsksForIt) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     Program program({"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",
                      "cases.linked.real_plant.address=127.0.0.1:9", "--set",
                      "cases.linked.real_plant.connect_timeout_s=20"});
@@ -209,7 +189,7 @@ TEST(LinkProgram, TheCallOfARobotEndsAtOnceWhenTheUserAsksForIt) {
 
 /** One that ends leaves no shared memory; what a killed one leaves is no robot, and told so. */
 TEST(LinkProgram, SharedMemoryOfARobotThatHasEndedIsNoRobot) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     for (const int signal : {SIGTERM, SIGKILL}) {
         Robot robot(false);
         const std::string file = "/" + robot.address().substr(4);
@@ -218,9 +198,9 @@ TEST(LinkProgram, SharedMemoryOfARobotThatHasEndedIsNoRobot) {
         EXPECT_EQ(fd >= 0, signal == SIGKILL);
         if (fd >= 0) close(fd);
         const Outcome o =
-            test::run({"run", kLinkedExperiment, "--case", "linked", "--out", folder / ("run" + std::to_string(signal)),
-                       "--set", "cases.linked.real_plant.address=" + robot.address(), "--set",
-                       "cases.linked.real_plant.connect_timeout_s=0.1"});
+            run({"run", kLinkedExperiment, "--case", "linked", "--out", folder / ("run" + std::to_string(signal)),
+                 "--set", "cases.linked.real_plant.address=" + robot.address(), "--set",
+                 "cases.linked.real_plant.connect_timeout_s=0.1"});
         EXPECT_EQ(o.code, 2) << o.out;
         expectContains(o.err, {signal == SIGKILL ? "there is no robot: the one that had this shared memory is gone"
                                                  : "cannot be called: there is no robot: No such file",
@@ -230,7 +210,7 @@ TEST(LinkProgram, SharedMemoryOfARobotThatHasEndedIsNoRobot) {
 
 TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
     const auto expectRefused = [](const std::vector<std::string>& arguments, const std::vector<std::string>& words) {
-        const Outcome o = test::run(arguments);
+        const Outcome o = run(arguments);
         EXPECT_EQ(o.code, 2) << o.out << o.err;
         expectContains(o.err, words);
     };
@@ -245,7 +225,7 @@ TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
         {"--key-file README.md: other users can read or write it (mode 644); if nobody did: chmod 600 README.md"});
     expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "", "--duration", "0.1"},
                   {"--key-file ", "it cannot be read: No such file"});
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     expectRefused(
         {"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",
          "cases.linked.real_plant.address=shm:viable-nobody", "--set", "cases.linked.real_plant.connect_timeout_s=0.1"},
@@ -254,4 +234,4 @@ TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

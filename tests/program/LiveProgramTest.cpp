@@ -1,34 +1,22 @@
 // `viable live` and `viable run LOG --again`.
 #include <arpa/inet.h>
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <netinet/in.h>
-#include <signal.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 
-#include <atomic>
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "ExpectContains.h"
-#include "Program.h"
 #include "RobotProcess.h"
-#include "TemporaryFolder.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::expectContains;
-using test::Outcome;
-using test::Program;
-using test::readFile;
-using test::Robot;
-using test::sleepFor;
-using test::TemporaryFolder;
 
-const char* const kExperiment = test::kLinkedExperiment;
+const char* const kExperiment = kLinkedExperiment;
 
 std::vector<std::string> makeLive(const std::filesystem::path& folder, const std::vector<std::string>& more) {
     std::vector<std::string> arguments{"live",  kExperiment,     "--case",        "simulated",
@@ -58,7 +46,7 @@ void await(const Program& program, const std::string& words) {
 
 TEST(Live, DrivesACaseInRealTimeAndItsLogReplaysToTheBit) {
     const TemporaryFolder folder;
-    const Outcome o = test::run(makeLive(folder / "run", {"--duration", "1.7"}));
+    const Outcome o = run(makeLive(folder / "run", {"--duration", "1.7"}));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     expectContains(o.out, {"running (program)", "stopping (duration)", "stopped (program)", "all limits kept",
                            "NOT real time, by the clock of the computer"});
@@ -68,7 +56,7 @@ TEST(Live, DrivesACaseInRealTimeAndItsLogReplaysToTheBit) {
     EXPECT_GE(live["ticks"], 1700);
     EXPECT_EQ(live["compute"]["count"], live["ticks"]);
     EXPECT_FALSE(live["wake_up"]["buckets_us"].empty());
-    const Outcome again = test::run({"run", (folder / "run" / "simulated.mcap").string(), "--again"});
+    const Outcome again = run({"run", (folder / "run" / "simulated.mcap").string(), "--again"});
     EXPECT_EQ(again.code, 0) << again.err;
     expectContains(again.out, {"simulated: replayed " + std::to_string(live["ticks"].get<int>()) + " ticks",
                                "all equal to the log, to the bit"});
@@ -106,7 +94,7 @@ TEST(Fault25, AStoppedProgramHasMissedTicksAndGoesOnUnlessThereWereTooMany) {
         expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
         EXPECT_GE(one["live"]["longest_gap"], isLong ? 1000 : 250);
         if (isLong) expectContains(o.err, {"more than 1000 ticks in a row were missed"});
-        EXPECT_EQ(test::run({"run", (folder / name / "simulated.mcap").string(), "--again"}).code, 0);
+        EXPECT_EQ(run({"run", (folder / name / "simulated.mcap").string(), "--again"}).code, 0);
     }
 }
 
@@ -119,13 +107,13 @@ TEST(Fault26, ALoadedMachineMissesTicksAndDecidesTheSame) {
             std::vector<char> memory(1 << 24);
             for (unsigned i = 0; !isDone; ++i) memory[i * 4097u % memory.size()] = static_cast<char>(i);
         });
-    const Outcome o = test::run(makeLive(folder / "run", {"--duration", "1.5"}));
+    const Outcome o = run(makeLive(folder / "run", {"--duration", "1.5"}));
     isDone = true;
     for (std::thread& thread : load) thread.join();
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     expectContains(o.out, {"all limits kept (nominal arm"});
     std::printf("  missed ticks: %s\n", readLive(folder / "run")["missed"].dump().c_str());
-    EXPECT_EQ(test::run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
+    EXPECT_EQ(run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
 }
 
 TEST(Live, KeysStartHoldGoOnAndEnd) {
@@ -162,7 +150,7 @@ TEST(Live, KeysStartHoldGoOnAndEnd) {
     EXPECT_EQ(listChanges(live), (std::vector<std::string>{"armed (program)", "running (key)", "armed (key)",
                                                            "running (key)", "stopping (key)", "stopped (program)"}));
     EXPECT_GT(live["changes"][1]["time_s"], 0.25);
-    EXPECT_EQ(test::run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
+    EXPECT_EQ(run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
 }
 
 TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
@@ -170,7 +158,7 @@ TEST(Live, WhatCannotBeDrivenIsRefusedBeforeAFileIsMade) {
     const std::string out = (folder / "run").string();
     const auto expectRefused = [&](std::vector<std::string> arguments, const std::vector<std::string>& words) {
         arguments.insert(arguments.end(), {"--out", out});
-        const Outcome o = test::run(arguments);
+        const Outcome o = run(arguments);
         EXPECT_EQ(o.code, 2) << o.out << o.err;
         expectContains(o.err, words);
         EXPECT_FALSE(std::filesystem::exists(out));
@@ -236,7 +224,7 @@ TEST(LiveLink, BeyondTheFilesDurationUntilASignalTheRobotMissesNothing) {
         EXPECT_GT(one["live"]["changes"][1]["time_s"], 0.6);
         expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
         expectNoLapse(robot.end(SIGINT));
-        const Outcome again = test::run({"run", (folder / name / "linked.mcap").string(), "--again"});
+        const Outcome again = run({"run", (folder / name / "linked.mcap").string(), "--again"});
         EXPECT_EQ(again.code, 0) << again.err;
     }
 }
@@ -244,16 +232,16 @@ TEST(LiveLink, BeyondTheFilesDurationUntilASignalTheRobotMissesNothing) {
 TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
     const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--stay"});
-    ASSERT_EQ(test::run(makeLinked(robot, folder / "first", {"--duration", "1.7"})).code, 0);
-    const Outcome refused = test::run(makeLinked(robot, folder / "second", {"--duration", "0.5"}));
+    ASSERT_EQ(run(makeLinked(robot, folder / "first", {"--duration", "1.7"})).code, 0);
+    const Outcome refused = run(makeLinked(robot, folder / "second", {"--duration", "0.5"}));
     EXPECT_EQ(refused.code, 2);
     expectContains(refused.err, {"does not stand where the file starts", "viable live --from-here"});
     sleepFor(4.0);  // the robot's own hold comes to rest: the robust loop answers what is left of a motion
-    const Outcome o = test::run(makeLinked(robot, folder / "third", {"--duration", "0.5", "--from-here"}));
+    const Outcome o = run(makeLinked(robot, folder / "third", {"--duration", "0.5", "--from-here"}));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     expectNoLapse(robot.end(SIGINT));
     const std::filesystem::path log = folder / "third" / "linked.mcap", csv = folder / "third.csv";
-    ASSERT_EQ(test::run({"export", log.string(), "--to", "csv", csv.string()}).code, 0);
+    ASSERT_EQ(run({"export", log.string(), "--to", "csv", csv.string()}).code, 0);
     std::ifstream stream(csv);
     std::string names, row;
     std::getline(stream, names);
@@ -270,7 +258,7 @@ TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
         EXPECT_NEAR(get("nominal." + joint + ".q_rad"), get("real." + joint + ".q_rad"), 5e-4);
         EXPECT_LT(std::abs(get("robust." + joint + ".tau_Nm")), 0.5);
     }
-    const Outcome again = test::run({"run", log.string(), "--again"});
+    const Outcome again = run({"run", log.string(), "--again"});
     EXPECT_EQ(again.code, 0) << again.err;
 }
 
@@ -288,21 +276,21 @@ TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
     EXPECT_EQ(listChanges(one["live"]), (std::vector<std::string>{"running (program)", "stopping (fault)",
                                                                   "stopped (fault)"}));  // it did not stop
     expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
-    const Outcome again = test::run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
+    const Outcome again = run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
     EXPECT_EQ(again.code, 0) << again.err;
 }
 
 TEST(RunAgain, IsForLogsOfAnyRun) {
     const TemporaryFolder folder;
-    const Outcome o = test::run({"run", kExperiment, "--case", "simulated", "--set", "duration_s=0.5", "--no-report",
-                                 "--out", (folder / "run").string()});
+    const Outcome o = run({"run", kExperiment, "--case", "simulated", "--set", "duration_s=0.5", "--no-report", "--out",
+                           (folder / "run").string()});
     ASSERT_EQ(o.code, 0) << o.err;
     const std::filesystem::path log = folder / "run" / "simulated.mcap";
-    EXPECT_EQ(test::run({"run", log.string(), "--again"}).code, 0);
-    const Outcome notALog = test::run({"run", kExperiment, "--again"});
+    EXPECT_EQ(run({"run", log.string(), "--again"}).code, 0);
+    const Outcome notALog = run({"run", kExperiment, "--again"});
     EXPECT_EQ(notALog.code, 2);
     expectContains(notALog.err, {"planar_two_link_linked.yaml"});
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

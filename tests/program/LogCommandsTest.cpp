@@ -1,9 +1,7 @@
-#include <gtest/gtest.h>
 #include <signal.h>
 
 #include <algorithm>
 #include <map>
-#include <memory>
 
 #include "CaseSupport.h"
 #include "Program.h"
@@ -12,21 +10,19 @@
 // `viable export` and `viable recover`: exit codes, words and what lies in the folder afterwards. What they write is
 // tested in framework/log and log_readers.
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
-using test::Outcome;
-using test::readFile;
 
 const char* const kRemedy = ". Choose a folder that exists, may be written to and has room\n";
 
 class LogCommands : public testing::Test {
 protected:
     static void SetUpTestSuite() {
-        const test::TemporaryFolder folder;
-        const Outcome o = test::run({"run", folder.write("e.yaml", test::kOneJoint), "--out", folder / "run",
-                                     "--no-report", "--set", "duration_s=1"});
+        const TemporaryFolder folder;
+        const Outcome o = run({"run", folder.write("e.yaml", kOneJoint), "--out", folder / "run", "--no-report",
+                               "--set", "duration_s=1"});
         ASSERT_EQ(o.code, 0) << o.err;
         whole_ = readFile(folder / "run/A.mcap");
     }
@@ -50,7 +46,7 @@ protected:
     /** The command must fail with this text, and leave the folder as it was. */
     void expectRefused(int code, const std::string& text, std::vector<std::string> arguments,
                        std::function<void()> prepare = {}) {
-        const Outcome o = test::run(std::move(arguments), std::move(prepare));
+        const Outcome o = run(std::move(arguments), std::move(prepare));
         EXPECT_EQ(o.code, code) << o.err;
         EXPECT_EQ(o.err, "viable: " + text);
         EXPECT_EQ(o.out, "");
@@ -65,7 +61,7 @@ protected:
     }
 
     static std::string whole_;
-    test::TemporaryFolder folder_;
+    TemporaryFolder folder_;
     std::map<std::string, std::string> before_;
     int rows_ = 0;  // of the log that was cut off
 };
@@ -73,14 +69,14 @@ protected:
 std::string LogCommands::whole_;
 
 TEST_F(LogCommands, RecoverWritesBesideTheLogOrWhereItIsTold) {
-    Outcome o = test::run({"recover", path("cut.mcap")});
+    Outcome o = run({"recover", path("cut.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.err, "");
     EXPECT_EQ(o.out, "wrote " + path("cut.recovered.mcap").string() + ": " + std::to_string(rows_) + " rows\n");
     EXPECT_TRUE(LogReader(path("cut.recovered.mcap")).isComplete());
     EXPECT_EQ(countRows(path("cut.recovered.mcap")), rows_);
 
-    o = test::run({"recover", path("cut.mcap"), "--out", path("other.mcap")});
+    o = run({"recover", path("cut.mcap"), "--out", path("other.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(readFile(path("other.mcap")), readFile(path("cut.recovered.mcap")));
     EXPECT_EQ(list().size(), before_.size() + 2);
@@ -88,11 +84,11 @@ TEST_F(LogCommands, RecoverWritesBesideTheLogOrWhereItIsTold) {
 }
 
 TEST_F(LogCommands, AWholeLogIsOnlyCopiedWhenANewOneIsNamed) {
-    Outcome o = test::run({"recover", path("A.mcap")});
+    Outcome o = run({"recover", path("A.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out, path("A.mcap").string() + " is complete: nothing to recover\n");
     EXPECT_TRUE(list() == before_);
-    o = test::run({"recover", path("A.mcap"), "--out", path("B.mcap")});
+    o = run({"recover", path("A.mcap"), "--out", path("B.mcap")});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(o.out, "wrote " + path("B.mcap").string() + ": 1000 rows; the old log was complete\n");
     EXPECT_TRUE(readFile(path("B.mcap")) == whole_);
@@ -114,16 +110,16 @@ TEST_F(LogCommands, NothingIsOverwritten) {
 }
 
 TEST_F(LogCommands, WhatIsForcedReplacesAWholeFileAndNeverTheLog) {
-    ASSERT_EQ(test::run({"export", path("A.mcap"), "--to", "csv", path("fresh.csv")}).code, 0);
+    ASSERT_EQ(run({"export", path("A.mcap"), "--to", "csv", path("fresh.csv")}).code, 0);
     for (const char* format : {"csv", "hdf5"}) {
         folder_.write("mine", "mine");
-        const Outcome o = test::run({"export", path("A.mcap"), "--to", format, path("mine"), "--force"});
+        const Outcome o = run({"export", path("A.mcap"), "--to", format, path("mine"), "--force"});
         EXPECT_EQ(o.code, 0) << o.err;
         if (std::string(format) == "csv") {
             EXPECT_TRUE(readFile(path("mine")) == readFile(path("fresh.csv")));
         }
         EXPECT_GT(readFile(path("mine")).size(), 1000u);
-        const Outcome itself = test::run({"export", path("A.mcap"), "--to", format, path("A.mcap"), "--force"});
+        const Outcome itself = run({"export", path("A.mcap"), "--to", format, path("A.mcap"), "--force"});
         EXPECT_EQ(itself.code, 2);
         EXPECT_NE(itself.err.find("is the log itself"), std::string::npos) << itself.err;
         EXPECT_TRUE(readFile(path("A.mcap")) == whole_);
@@ -145,7 +141,7 @@ TEST_F(LogCommands, WhatIsNoLogIsRefused) {
         expectRefused(2, path(name).string() + text, {"export", path(name), "--to", "csv", path("new")});
     }
     expectRefused(2, folder_.path().string() + ": not a file. Give a log\n", {"recover", folder_.path()});
-    const Outcome o = test::run({"recover", path("head")});
+    const Outcome o = run({"recover", path("head")});
     EXPECT_EQ(o.code, 2);
     EXPECT_NE(o.err.find("ends within its opening and holds no rows"), o.err.npos) << o.err;
     EXPECT_TRUE(list() == before_);
@@ -157,7 +153,7 @@ TEST_F(LogCommands, WhatIsNoLogIsRefused) {
 
 TEST_F(LogCommands, ALogThatWasCutOffIsExportedWithAWord) {
     for (const char* format : {"csv", "hdf5", "mcap"}) {
-        const Outcome o = test::run({"export", path("cut.mcap"), "--to", format, path(format)});
+        const Outcome o = run({"export", path("cut.mcap"), "--to", format, path(format)});
         EXPECT_EQ(o.code, 0) << o.err;
         EXPECT_EQ(o.err, "viable: " + path("cut.mcap").string() +
                              " has no end (the run was killed or is still running): every complete "
@@ -199,4 +195,4 @@ TEST_F(LogCommands, Fault72_WhereNothingCanBeWrittenTheReasonIsSaid) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -2,13 +2,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "Paths.h"
 #include "Program.h"
 
 // The main experiment, run by the program as a user runs it; the claims are those of the paper's
 // Figs. 8 and 9.
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 double worstUse(const nlohmann::json& run, const char* quantity) {
@@ -62,21 +61,21 @@ void checkClaims(const nlohmann::json& summary) {
 }
 
 TEST(MainExperiment, GeneratedHandMotion) {
-    test::TemporaryFolder folder;
-    const test::Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run"});
+    TemporaryFolder folder;
+    const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run"});
     ASSERT_EQ(o.code, 0) << o.err;
-    checkClaims(nlohmann::json::parse(test::readFile(folder / "run/summary.json")));
+    checkClaims(nlohmann::json::parse(readFile(folder / "run/summary.json")));
 
     // What `viable identify` finds in that run, fed forward: the real arm follows three times as closely and more.
-    const test::Outcome found = test::run({"identify", folder / "run/C3.mcap", "--out", folder / "actuation.yaml"});
+    const Outcome found = run({"identify", folder / "run/C3.mcap", "--out", folder / "actuation.yaml"});
     ASSERT_EQ(found.code, 0) << found.err;
     const auto follow = [&](const std::string& scale) {
         const std::string block = "cases.C3.robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, friction_file: " +
                                   (folder / "actuation.yaml").string() + ", friction_scale: " + scale + "}";
-        const test::Outcome run = test::run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set",
-                                             block, "--out", folder / ("fed" + scale)});
+        const Outcome run = test::run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set", block,
+                                       "--out", folder / ("fed" + scale)});
         EXPECT_EQ(run.code, 0) << run.err;
-        const auto summary = nlohmann::json::parse(test::readFile(folder / ("fed" + scale + "/summary.json")));
+        const auto summary = nlohmann::json::parse(readFile(folder / ("fed" + scale + "/summary.json")));
         return summary["cases"][0]["tracking"]["rms_rad"].get<double>();
     };
     const double right = follow("1"), less = follow("0.7"), more = follow("1.3");
@@ -91,12 +90,12 @@ TEST(MainExperiment, RecordedHandMotion) {
     const std::string recording = VIABLE_SOURCE_DIR "/../shared/data/freiburg1_xyz-groundtruth.txt";
     if (!std::filesystem::exists(recording))
         GTEST_SKIP() << "the recorded motion ../shared/data/freiburg1_xyz-groundtruth.txt is not here";
-    test::TemporaryFolder folder;
-    const test::Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--set",
-                                       "command.plugin=recorded_poses", "--set", "command.file=" + recording});
+    TemporaryFolder folder;
+    const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--set",
+                           "command.plugin=recorded_poses", "--set", "command.file=" + recording});
     ASSERT_EQ(o.code, 0) << o.err;
-    checkClaims(nlohmann::json::parse(test::readFile(folder / "run/summary.json")));
+    checkClaims(nlohmann::json::parse(readFile(folder / "run/summary.json")));
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

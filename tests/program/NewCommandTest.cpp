@@ -1,29 +1,24 @@
 // `viable new`, used from outside.
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "Program.h"
 #include "viable/core/Error.h"
 #include "viable/robot/ArmGeometry.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
-using Folder = test::TemporaryFolder;
-using test::expectContains;
-using test::Outcome;
-using test::readFile;
+using Folder = TemporaryFolder;
 
 /** `viable new ...` in a folder of the test's. */
 Outcome makeNew(const Folder& folder, std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), "new");
     const std::string path = folder.path();
-    return test::run(std::move(arguments), [path] {
+    return run(std::move(arguments), [path] {
         if (chdir(path.c_str()) != 0) _exit(98);
     });
 }
@@ -38,13 +33,6 @@ void expectRefused(const std::vector<std::string>& arguments, const std::vector<
     EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
-std::vector<std::string> listFiles(const fs::path& folder) {
-    std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename());
-    std::sort(names.begin(), names.end());
-    return names;
-}
-
 TEST(NewPlugin, EveryKindIsACompleteProjectWithoutPlaceholders) {
     Folder folder;
     for (const char* kind : {"filter", "controller", "robust_loop", "command", "plant"}) {
@@ -55,10 +43,10 @@ TEST(NewPlugin, EveryKindIsACompleteProjectWithoutPlaceholders) {
         std::string className = "My2nd" + std::string(kind);
         className[5] = static_cast<char>(std::toupper(className[5]));
         if (className == "My2ndRobust_loop") className = "My2ndRobustLoop";
-        EXPECT_EQ(listFiles(folder / name),
+        EXPECT_EQ(listNames(folder / name),
                   (std::vector<std::string>{"CMakeLists.txt", className + ".cpp", className + ".h",
                                             className + "Test.cpp", "README.md", "experiment.yaml"}));
-        for (const std::string& file : listFiles(folder / name)) {
+        for (const std::string& file : listNames(folder / name)) {
             const std::string text = readFile(folder / name / file);
             for (const char* mark : {"@NAME@", "@CLASS@", "@KIND@"})
                 EXPECT_EQ(text.find(mark), std::string::npos) << file;
@@ -68,7 +56,7 @@ TEST(NewPlugin, EveryKindIsACompleteProjectWithoutPlaceholders) {
         expectContains(o.out, {"  cd " + name + "\n", "ctest --test-dir build",
                                "export VIABLE_PLUGIN_PATH=$PWD/build/bin/plugins"});
     }
-    EXPECT_EQ(listFiles(folder.path()).size(), 5u) << "something else was left";
+    EXPECT_EQ(listNames(folder.path()).size(), 5u) << "something else was left";
 }
 
 TEST(NewPlugin, OfABuildTreeSaysThatItMustBeInstalled) {
@@ -83,7 +71,7 @@ TEST(NewPlugin, OfABuildTreeSaysThatItMustBeInstalled) {
 
 TEST(NewPlugin, TheFolderHasTheRightsThatTheUserGivesNewFolders) {
     Folder folder;
-    ASSERT_EQ(test::run({"new", "filter", "mine", "--out", folder.path()}, [] { umask(0027); }).code, 0);
+    ASSERT_EQ(run({"new", "filter", "mine", "--out", folder.path()}, [] { umask(0027); }).code, 0);
     EXPECT_EQ(static_cast<int>(fs::status(folder / "mine").permissions()), 0750);
 }
 
@@ -140,8 +128,8 @@ TEST(NewPlugin, OverwritesNothingAndLeavesNothingBehind) {
     expectContains(makeNew(folder, {"filter", "link"}).err, {"link: there is already a file of that name"});
     expectContains(makeNew(folder, {"filter", "good", "--out", "file"}).err,
                    {"file: this cannot be written: Not a directory"});
-    EXPECT_EQ(listFiles(folder.path()), (std::vector<std::string>{"file", "full", "link"}));
-    EXPECT_EQ(listFiles(folder / "full"), std::vector<std::string>{"thesis.txt"});
+    EXPECT_EQ(listNames(folder.path()), (std::vector<std::string>{"file", "full", "link"}));
+    EXPECT_EQ(listNames(folder / "full"), std::vector<std::string>{"thesis.txt"});
     fs::create_directory(folder / "empty");
     EXPECT_EQ(makeNew(folder, {"filter", "empty"}).code, 0);
     EXPECT_TRUE(fs::exists(folder / "empty/Empty.cpp"));
@@ -151,7 +139,7 @@ TEST(NewPlugin, Fault72_WritesAllOrNothing) {
     // A file size limit stands for a full disk: the small files fit, the larger ones do not.
     Folder folder;
     const std::string path = folder.path();
-    const Outcome o = test::run({"new", "filter", "half", "--out", "new/folder"}, [path] {
+    const Outcome o = run({"new", "filter", "half", "--out", "new/folder"}, [path] {
         if (chdir(path.c_str()) != 0) _exit(98);
         signal(SIGXFSZ, SIG_IGN);
         const rlimit most{900, 900};
@@ -161,7 +149,7 @@ TEST(NewPlugin, Fault72_WritesAllOrNothing) {
     expectContains(o.err, {"new/folder/half/", "this cannot be written: File too large", "Nothing was left behind"});
     EXPECT_TRUE(fs::is_empty(folder.path()));
     // /proc lets nobody make a folder, as a disk that is read-only.
-    const Outcome refused = test::run({"new", "filter", "half", "--out", "/proc"});
+    const Outcome refused = run({"new", "filter", "half", "--out", "/proc"});
     EXPECT_EQ(refused.code, 5);
     expectContains(refused.err, {"/proc", "this cannot be written: "});
 }
@@ -190,7 +178,7 @@ void replaceAll(const fs::path& file, const std::string& from, const std::string
 }
 
 Outcome describe(const fs::path& robot) {
-    return test::run({"robots", "--describe", robot});
+    return run({"robots", "--describe", robot});
 }
 
 TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
@@ -198,7 +186,7 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     const Outcome made = makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", kArm)});
     ASSERT_EQ(made.code, 0) << made.err;
     EXPECT_EQ(made.err, "");
-    EXPECT_EQ(listFiles(folder / "my_arm"), (std::vector<std::string>{"README.md", "actuation.yaml", "collision.yaml",
+    EXPECT_EQ(listNames(folder / "my_arm"), (std::vector<std::string>{"README.md", "actuation.yaml", "collision.yaml",
                                                                       "first_run.yaml", "limits.yaml", "my_arm.urdf"}));
     expectContains(made.out, {"my_arm/collision.yaml:", ": links: TODO"});  // no shapes in there
     EXPECT_EQ(readFile(folder / "my_arm/my_arm.urdf"), kArm);
@@ -222,7 +210,7 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
         while (std::getline(lines, line) && line.find(key + "TODO") == std::string::npos) ++number;
         const std::string place =
             file.string() + ":" + std::to_string(number) + ":" + std::to_string(line.find("TODO") + 1) + ": ";
-        for (const Outcome& o : {describe(folder / "my_arm"), test::run({"check", folder / "my_arm/first_run.yaml"})}) {
+        for (const Outcome& o : {describe(folder / "my_arm"), run({"check", folder / "my_arm/first_run.yaml"})}) {
             EXPECT_EQ(o.code, 2);
             expectContains(o.err, {place, key.substr(0, key.size() - 2) + ": not filled in yet",
                                    "Write the value in place of TODO"});
@@ -234,14 +222,14 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     EXPECT_EQ(described.code, 0) << described.err;
     expectContains(described.out, {"my_arm: 2 joints, tool frame b", "-inf .. inf", "-12 .. 12"});
     const Outcome ran =
-        test::run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--set", "duration_s=5"});
+        run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--set", "duration_s=5"});
     EXPECT_EQ(ran.code, 0) << ran.err;
     expectContains(ran.out, {"First run of my_arm", "all limits kept"});
     // By name, from a folder that the environment names.
     const std::string path = folder.path();
-    EXPECT_EQ(test::run({"check", VIABLE_SOURCE_DIR "/experiments/arena_one_joint.yaml", "--set", "robot=my_arm",
-                         "--set", "limits.position_rad=1.4", "--set", "start.position_rad=[0, 1]"},
-                        [path] { setenv("VIABLE_ROBOT_PATH", path.c_str(), 1); })
+    EXPECT_EQ(run({"check", VIABLE_SOURCE_DIR "/experiments/arena_one_joint.yaml", "--set", "robot=my_arm", "--set",
+                   "limits.position_rad=1.4", "--set", "start.position_rad=[0, 1]"},
+                  [path] { setenv("VIABLE_ROBOT_PATH", path.c_str(), 1); })
                   .code,
               0);
 }
@@ -332,7 +320,7 @@ TEST(NewRobot, RefusesAUrdfThatCannotBeSimulated) {
         const Outcome o = makeNew(folder, {"robot", "my_arm", "--urdf", folder.write("some.urdf", urdf)});
         EXPECT_EQ(o.code, 2);
         expectContains(o.err, parts);
-        EXPECT_EQ(listFiles(folder.path()), std::vector<std::string>{"some.urdf"});
+        EXPECT_EQ(listNames(folder.path()), std::vector<std::string>{"some.urdf"});
     };
     const std::string lift = "name=\"lift\" type=\"revolute\"";
     refuse(lift, "name=\"lift\" type=\"floating\"",
@@ -437,4 +425,4 @@ TEST(NewRobot, RefusesAnUnclearRequest) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,16 +1,6 @@
-#include <gtest/gtest.h>
 #include <octomap/OcTree.h>
 
-#include <algorithm>
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <string>
-#include <vector>
-
 #include "Effort.h"
-#include "Paths.h"
 #include "Program.h"
 #include "ProjectExperiment.h"
 #include "environment/CollisionChecker.h"
@@ -19,7 +9,7 @@
 // The experiment with obstacles, run by run, judged by somebody else: poses every tenth of a millisecond, each capsule against
 // each obstacle and each cell of the octree.
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 constexpr double kTick_s = 1e-3;
@@ -58,7 +48,7 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
 TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
     int collided = 0;
     double least = 1.0;
-    const int runs = test::countOf(20);
+    const int runs = countOf(20);
     for (int seed = 1; seed <= runs; ++seed) {
         SCOPED_TRACE("command.seed=" + std::to_string(seed));
         const ProjectExperiment experiment("indy7_obstacles", {"command.seed=" + std::to_string(seed)});
@@ -81,7 +71,7 @@ TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
 
 // A wall of cells that nobody has but this test; alone, behind another filter, and with what the joints alone do.
 TEST(Obstacles, AMapOfCellsIsKeptClearOfByTheFilterAloneAndInAChain) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     octomap::OcTree tree(0.05);
     for (double y = -0.975; y < 1.0; y += 0.05)
         for (double z = -0.475; z < 1.5; z += 0.05) tree.updateNode(0.675, y, z, true);
@@ -104,7 +94,7 @@ TEST(Obstacles, AMapOfCellsIsKeptClearOfByTheFilterAloneAndInAChain) {
 }
 
 TEST(Obstacles, FilesAreFoundBesideTheExperimentWhereverOneStands) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     octomap::OcTree tree(0.05);
     tree.updateNode(0.975, 0.025, 0.025, true);
     ASSERT_TRUE(tree.writeBinary((folder / "cell.bt").string()));
@@ -119,11 +109,10 @@ TEST(Obstacles, FilesAreFoundBesideTheExperimentWhereverOneStands) {
     };
     for (const std::string& file :
          {std::string("mine.yaml"), std::string("./mine.yaml"), (folder / "mine.yaml").string()}) {
-        const test::Outcome o = test::Program({"check", file}, inFolder).wait();
+        const Outcome o = Program({"check", file}, inFolder).wait();
         EXPECT_EQ(o.code, 0) << o.err;
     }
-    const test::Outcome o =
-        test::Program({"check", "mine.yaml", "--set", "environment.map.file=cell.bt"}, inFolder).wait();
+    const Outcome o = Program({"check", "mine.yaml", "--set", "environment.map.file=cell.bt"}, inFolder).wait();
     EXPECT_EQ(o.code, 0) << o.err;
 }
 
@@ -211,4 +200,4 @@ TEST(Obstacles, ATorqueRateBelowWhatTheJerkLimitsNeedDoesNotFreezeTheArm) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

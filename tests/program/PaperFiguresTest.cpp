@@ -1,7 +1,4 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <cstdio>
 
 #include "ProjectExperiment.h"
 

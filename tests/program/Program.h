@@ -2,14 +2,9 @@
 
 #include <sys/resource.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <sstream>
-#include <string>
 #include <vector>
 
 #include "Paths.h"

@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 #include <signal.h>
 
 #include <chrono>
@@ -9,19 +8,14 @@
 #include <thread>
 
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "Program.h"
 #include "RobotFolder.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using Folder = test::TemporaryFolder;
-using test::expectContains;
-using test::kSanitized;
-using test::Outcome;
-using test::readFile;
+using Folder = TemporaryFolder;
 
 const char* const kExperiment = R"(schema: 1
 title: one joint
@@ -46,7 +40,7 @@ int countRows(const std::filesystem::path& log) {
 TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
     Folder folder;
     const std::string out = folder / "run";
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", out});
+    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", out});
     ASSERT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"one joint", "worst use", "A: filter tosbp", "B: filter acceleration_viability", out});
     EXPECT_EQ(countRows(out + "/A.mcap"), 2000);
@@ -58,13 +52,13 @@ TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
 
 TEST(Program, TheLogCarriesTheResolvedExperimentAndRunsAgainFromIt) {
     Folder folder;
-    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "one", "--case", "A"}).code, 0);
+    ASSERT_EQ(run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "one", "--case", "A"}).code, 0);
     LogReader first(folder / "one/A.mcap");
     std::string resolved;
     for (const LogAttachment& attachment : first.attachments())
         if (attachment.name == "experiment.yaml") resolved = attachment.data;
     ASSERT_FALSE(resolved.empty());
-    ASSERT_EQ(test::run({"run", folder.write("again.yaml", resolved), "--out", folder / "two"}).code, 0);
+    ASSERT_EQ(run({"run", folder.write("again.yaml", resolved), "--out", folder / "two"}).code, 0);
     LogReader second(folder / "two/A.mcap");
     TickRecord a, b;
     while (first.read(a)) {
@@ -77,14 +71,14 @@ TEST(Program, TheLogCarriesTheResolvedExperimentAndRunsAgainFromIt) {
 
 TEST(Program, CheckReportsEveryCaseWithoutARun) {
     Folder folder;
-    const Outcome o = test::run({"check", folder.write("e.yaml", kExperiment)});
+    const Outcome o = run({"check", folder.write("e.yaml", kExperiment)});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"A: robot single_joint", "B: robot", "ok"});
 }
 
 TEST(Program, CheckTellsOfPeopleOnceAndOfEachFilterThatDoesNotKnowThem) {
     const auto check = [](const std::string& cases) {
-        const Outcome o = test::run({"check", "experiments/indy7_people.yaml", "--set", "cases=" + cases});
+        const Outcome o = run({"check", "experiments/indy7_people.yaml", "--set", "cases=" + cases});
         EXPECT_EQ(o.code, 0) << o.err;
         return o.out;
     };
@@ -107,8 +101,7 @@ TEST(Program, TheExperimentFileOfItsReadmeRunsAsPrinted) {
     const std::size_t begin = readme.find("```yaml\n", section) + 8;
     const std::string yaml = readme.substr(begin, readme.find("```", begin) - begin);
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
+    const Outcome o = run({"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"My question", "certified: filter certified_braking", "paper: filter tosbp"});
 }
@@ -120,7 +113,7 @@ TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
     const std::string file = folder.write("e.yaml", kExperiment);
     int keys = 0;
     for (const char* wrong : {"zzzzzzzz=1", "start.zzzzzzzz=1", "limits.zzzzzzzz=1"}) {
-        const Outcome o = test::run({"check", file, "--set", wrong});
+        const Outcome o = run({"check", file, "--set", wrong});
         ASSERT_EQ(o.code, 2);
         std::size_t at = o.err.find("Known keys: ");
         ASSERT_NE(at, std::string::npos) << o.err;
@@ -141,23 +134,22 @@ TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
 TEST(Program, BadInputExitsWith2AndOneParagraph) {
     Folder folder;
     const std::string file = folder.write("e.yaml", std::string(kExperiment) + "duraton_s: 3\n");
-    const Outcome o = test::run({"run", file, "--out", folder / "run"});
+    const Outcome o = run({"run", file, "--out", folder / "run"});
     EXPECT_EQ(o.code, 2);
     expectContains(o.err, {"viable: ", file + ":11:", "duraton_s", "duration_s"});
     EXPECT_FALSE(std::filesystem::exists(folder / "run"));  // nothing half-made
-    EXPECT_EQ(test::run({"run"}).code, 2);
-    EXPECT_EQ(test::run({"rum"}).code, 2);
-    EXPECT_EQ(test::run({"run", "nowhere.yaml"}).code, 2);
-    expectContains(test::run({"run"}).err, {"run: FILE is required", "`viable run --help`"});
-    expectContains(test::run({"run", file, "--cse", "A", "--jbos=2"}).err,
+    EXPECT_EQ(run({"run"}).code, 2);
+    EXPECT_EQ(run({"rum"}).code, 2);
+    EXPECT_EQ(run({"run", "nowhere.yaml"}).code, 2);
+    expectContains(run({"run"}).err, {"run: FILE is required", "`viable run --help`"});
+    expectContains(run({"run", file, "--cse", "A", "--jbos=2"}).err,
                    {"no option `--cse`, did you mean `--case`?", "no option `--jbos`, did you mean `--jobs`?"});
-    expectContains(test::run({"run", file, "A"}).err, {"run: `A` is more than it takes"});
-    const Outcome twoCases =
-        test::run({"check", folder.write("g.yaml", kExperiment), "--set", "cases.A.start={position_rad: 9}", "--set",
-                   "cases.B.start={position_rad: -9}"});
+    expectContains(run({"run", file, "A"}).err, {"run: `A` is more than it takes"});
+    const Outcome twoCases = run({"check", folder.write("g.yaml", kExperiment), "--set",
+                                  "cases.A.start={position_rad: 9}", "--set", "cases.B.start={position_rad: -9}"});
     EXPECT_EQ(twoCases.code, 2);
     expectContains(twoCases.err, {"2 things are wrong", "1. ", "2. "});
-    const Outcome wrongCase = test::run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
+    const Outcome wrongCase = run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
     EXPECT_EQ(wrongCase.code, 2);
     expectContains(wrongCase.err, {"no case", "A, B"});
 }
@@ -167,7 +159,7 @@ TEST(Program, ADeletedCurrentFolderIsToldWithTheRemedy) {
     const std::string gone = folder / "gone";
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"new", "filter", "mine"}, {"run", "e.yaml"}, {"check", "e.yaml"}}) {
-        const Outcome o = test::run(arguments, [gone] {
+        const Outcome o = run(arguments, [gone] {
             std::filesystem::create_directory(gone);
             if (chdir(gone.c_str()) != 0 || rmdir(gone.c_str()) != 0) _exit(98);
         });
@@ -185,7 +177,7 @@ TEST(Program, TooLittleMemoryIsToldWithTheRemedy) {
     Folder folder;
     std::string text = "time_s,a_rad\n";
     for (int i = 0; i < 400000; ++i) text += std::to_string(1e-3 * i) + "," + std::to_string(std::sin(5e-3 * i)) + "\n";
-    const Outcome o = test::run({"verify", folder.write("large.csv", text)}, [] {
+    const Outcome o = run({"verify", folder.write("large.csv", text)}, [] {
         constexpr rlim_t kMost_B = 192 << 20;
         const rlimit limit{kMost_B, kMost_B};
         setrlimit(RLIMIT_AS, &limit);
@@ -202,93 +194,91 @@ TEST(Program, APayloadBeyondAllArmsIsBadInputWithItsPlace) {
     for (const char* key : {"real_plant.payload_kg", "disturbance_set.payload_kg"})
         for (const char* mass : {"1e16", "1001"}) {
             const Outcome o =
-                test::run({"check", "experiments/indy7_real_limits.yaml", "--set", std::string(key) + "=" + mass});
+                run({"check", "experiments/indy7_real_limits.yaml", "--set", std::string(key) + "=" + mass});
             EXPECT_EQ(o.code, 2) << o.err;
             expectContains(o.err, {key, "1000"});
             EXPECT_EQ(o.err.find("SimTK"), std::string::npos) << o.err;
         }
-    const Outcome heavy =
-        test::run({"check", "experiments/indy7_teleoperation.yaml", "--set", "real_plant.payload_kg=1000"});
+    const Outcome heavy = run({"check", "experiments/indy7_teleoperation.yaml", "--set", "real_plant.payload_kg=1000"});
     EXPECT_EQ(heavy.code, 0) << heavy.err;
 }
 
 TEST(Program, HelpAndVersionExitWith0) {
-    EXPECT_EQ(test::run({"--help"}).code, 0);
-    EXPECT_EQ(test::run({"run", "--help"}).code, 0);
-    const Outcome o = test::run({"--version"});
+    EXPECT_EQ(run({"--help"}).code, 0);
+    EXPECT_EQ(run({"run", "--help"}).code, 0);
+    const Outcome o = run({"--version"});
     EXPECT_EQ(o.code, 0);
     expectContains(o.out, {"viable "});
 }
 
 TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
-    const Outcome list = test::run({"plugins"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    const Outcome list = run({"plugins"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
     EXPECT_EQ(list.code, 0);
     expectContains(list.out, {"tosbp", "nric", "simbody", "generated_hand_motion", "joint_pd"});
     EXPECT_EQ(list.err, "");
-    const Outcome one = test::run({"plugins", "--describe", "tosbp"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    const Outcome one = run({"plugins", "--describe", "tosbp"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
     EXPECT_EQ(one.code, 0);
     expectContains(one.out, {"k_alpha", "gamma", "1/s"});
-    const Outcome miss = test::run({"plugins", "--describe", "tosbq"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
+    const Outcome miss = run({"plugins", "--describe", "tosbq"}, [] { unsetenv("VIABLE_PLUGIN_PATH"); });
     EXPECT_EQ(miss.code, 2);
     expectContains(miss.err, {"tosbq", "Did you mean 'tosbp'"});
-    const Outcome json = test::run({"plugins", "--json"});  // with the broken ones in the path
+    const Outcome json = run({"plugins", "--json"});  // with the broken ones in the path
     EXPECT_EQ(json.code, 0);
     const auto root = nlohmann::json::parse(json.out);
     EXPECT_GT(root["plugins"].size(), 18u);
     EXPECT_GT(root["refused"].size(), 10u);
-    const auto described =
-        nlohmann::json::parse(test::run({"plugins", "--describe", "certified_braking", "--json"}).out);
+    const auto described = nlohmann::json::parse(run({"plugins", "--describe", "certified_braking", "--json"}).out);
     ASSERT_EQ(described["plugins"].size(), 1u);
     EXPECT_EQ(described["plugins"][0]["guarantees_limits"], true);
-    EXPECT_EQ(test::run({"plugins", "--markdown"}).code, 2);  // of one plugin only
-    EXPECT_EQ(test::run({"plugins", "--describe", "tosbp", "--markdown", "--json"}).code, 2);
-    const Outcome robots = test::run({"robots"});
+    EXPECT_EQ(run({"plugins", "--markdown"}).code, 2);  // of one plugin only
+    EXPECT_EQ(run({"plugins", "--describe", "tosbp", "--markdown", "--json"}).code, 2);
+    const Outcome robots = run({"robots"});
     EXPECT_EQ(robots.code, 0);
     expectContains(robots.out, {"indy7", "single_joint"});
-    expectContains(test::run({"robots", "--describe", "indy7"}).out, {"joint5", "79.79"});
-    const Outcome gains = test::run({"gains", "panda", "--tick", "0.002", "--delay", "1"});
+    expectContains(run({"robots", "--describe", "indy7"}).out, {"joint5", "79.79"});
+    const Outcome gains = run({"gains", "panda", "--tick", "0.002", "--delay", "1"});
     EXPECT_EQ(gains.code, 0) << gains.err;
     expectContains(gains.out, {"panda at a tick of 0.002 s and a delay of 1 ticks", "joint7",
                                "Margins: ", "No rotor inertias are given"});
     RobotFolder mixed, lift;
     makeSlantedArm(mixed);
     mixed.write();
-    const std::string units = test::run({"robots", "--describe", mixed.path()}).out;
+    const std::string units = run({"robots", "--describe", mixed.path()}).out;
     expectContains(units, {"position               velocity ", " in\n", " rad, s, Nm\n", " m, s, N\n"});
     EXPECT_EQ(units.find("[rad"), std::string::npos) << units;
-    expectContains(test::run({"gains", mixed.path()}).out, {"  in\n", "  Ns/m, kg\n", "  Nms/rad, kg m^2\n"});
+    expectContains(run({"gains", mixed.path()}).out, {"  in\n", "  Ns/m, kg\n", "  Nms/rad, kg m^2\n"});
     lift.urdf = "<robot name='arm'><link name='base'/>" +
                 makeJoint("lift", "prismatic", "base", "fork", "xyz='0 0 0.1' rpy='0 0 0'", "0 0 1") +
                 makeLink("fork", 2.0, "0 0 0", "0 0 0", kSomeInertia) + "</robot>";
     lift.limits = kSomeLimits;
     lift.write();
-    expectContains(test::run({"robots", "--describe", lift.path()}).out,
+    expectContains(run({"robots", "--describe", lift.path()}).out,
                    {"position [m]", "velocity [m/s]", "accel. [m/s^2]", "jerk [m/s^3]", "motor [N]"});
-    expectContains(test::run({"gains", lift.path()}).out, {"K_r [Ns/m]", "mass [kg]"});
-    const Outcome wrong = test::run({"gains", "panda", "--tick", "1"});
+    expectContains(run({"gains", lift.path()}).out, {"K_r [Ns/m]", "mass [kg]"});
+    const Outcome wrong = run({"gains", "panda", "--tick", "1"});
     EXPECT_EQ(wrong.code, 2);
     expectContains(wrong.err, {"--tick: 1 s is outside [1e-05, 0.1]"});
 }
 
 TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {
     Folder folder;
-    ASSERT_EQ(test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}).code, 0);
+    ASSERT_EQ(run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}).code, 0);
     const std::string csv = folder / "a.csv";
-    ASSERT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 0);
+    ASSERT_EQ(run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 0);
     const std::string text = readFile(csv);
     EXPECT_EQ(text.rfind("time_s,", 0), 0u);
     expectContains(text.substr(0, text.find('\n')),
                    {"nominal.joint0.q_rad", "nominal.joint0.jerk_radps3", "filter.joint0.active", "tick.status"});
     EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2001);
-    EXPECT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 2);
-    EXPECT_EQ(test::run({"export", folder / "run/A.mcap", "--to", "xls", folder / "b"}).code, 2);
-    EXPECT_EQ(test::run({"export", folder / "run/summary.json", "--to", "csv", folder / "b"}).code, 2);
+    EXPECT_EQ(run({"export", folder / "run/A.mcap", "--to", "csv", csv}).code, 2);
+    EXPECT_EQ(run({"export", folder / "run/A.mcap", "--to", "xls", folder / "b"}).code, 2);
+    EXPECT_EQ(run({"export", folder / "run/summary.json", "--to", "csv", folder / "b"}).code, 2);
 }
 
 TEST(Program, ABrokenGuaranteeExitsWith3AndSaysWhatBroke) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
-                                 "--set", "filter.plugin=liar"});
+    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                           "filter.plugin=liar"});
     EXPECT_EQ(o.code, 3);
     expectContains(o.err, {"case A", "'liar'", "guarantees all limits", "jerk"});
     expectContains(readFile(folder / "run/summary.json"), {"\"exit_code\": 3"});
@@ -296,16 +286,16 @@ TEST(Program, ABrokenGuaranteeExitsWith3AndSaysWhatBroke) {
 
 TEST(Fault13, CheckRefusesAStartWithoutAStopInsideTheLimits) {
     Folder folder;
-    const Outcome o = test::run(
-        {"check", folder.write("e.yaml", kExperiment), "--set", "start={position_rad: [3], velocity_radps: [2]}"});
+    const Outcome o =
+        run({"check", folder.write("e.yaml", kExperiment), "--set", "start={position_rad: [3], velocity_radps: [2]}"});
     EXPECT_EQ(o.code, 2);
     expectContains(o.err, {"--set start", "joint0 is not viable", "upper position limit by"});
 }
 
 TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
-                                 "--set", "missed_ticks=[{at_s: 0.5, count: 20}]"});
+    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                           "missed_ticks=[{at_s: 0.5, count: 20}]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"missed ticks 20", "least margin"});
     expectContains(readFile(folder / "run/summary.json"),
@@ -315,8 +305,8 @@ TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
 
 TEST(Fault44, APluginThatThrowsInTheRunExitsWith4AndKeepsTheLog) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
-                                 "--set", "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
+    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                           "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
     EXPECT_EQ(o.code, 4);
     expectContains(o.err, {"case A", "stopped at 0.5000 s (tick 500)", "'throwing_tick'", "it threw"});
     EXPECT_GT(countRows(folder / "run/A.mcap"), 500);
@@ -330,7 +320,7 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
         setrlimit(RLIMIT_FSIZE, &limit);
     };
     const Outcome o =
-        test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}, limitFiles);
+        run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}, limitFiles);
     EXPECT_EQ(o.code, 5);
     expectContains(o.err, {"case A", "log could not be written"});
     expectContains(o.out, {"LOG LOST", "2.000 s simulated"});
@@ -340,7 +330,7 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
 TEST(Fault72, AnUnwritableFolderIsRefusedBeforeTheRun) {
     Folder folder;
     folder.write("file", "");
-    const Outcome o = test::run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"});
+    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"});
     EXPECT_EQ(o.code, 5);
     expectContains(o.err, {"cannot create the folder"});
 }
@@ -348,9 +338,9 @@ TEST(Fault72, AnUnwritableFolderIsRefusedBeforeTheRun) {
 TEST(Fault74, ASecondRunIntoTheSameFolderIsRefused) {
     Folder folder;
     const std::string file = folder.write("e.yaml", kExperiment);
-    ASSERT_EQ(test::run({"run", file, "--out", folder / "run"}).code, 0);
+    ASSERT_EQ(run({"run", file, "--out", folder / "run"}).code, 0);
     const std::string before = readFile(folder / "run/A.mcap");
-    const Outcome o = test::run({"run", file, "--out", folder / "run"});
+    const Outcome o = run({"run", file, "--out", folder / "run"});
     EXPECT_EQ(o.code, 2);
     expectContains(o.err, {"already holds something", "never overwrites"});
     EXPECT_EQ(readFile(folder / "run/A.mcap"), before);
@@ -364,10 +354,9 @@ TEST(Fault74, OfTwoRunsAtOnceIntoOneFolderOneGetsIt) {
     for (int i = 0; i < kTries; ++i) {
         const std::string out = folder / ("run" + std::to_string(i));
         const auto start = [&](const std::string& name) {
-            return test::Program(
-                {"run", file, "--out", out, "--no-report", "--case", name, "--set", "duration_s=0.05"});
+            return Program({"run", file, "--out", out, "--no-report", "--case", name, "--set", "duration_s=0.05"});
         };
-        test::Program a = start("A"), b = start("B");
+        Program a = start("A"), b = start("B");
         const Outcome ofA = a.wait(), ofB = b.wait();
         ASSERT_EQ(ofA.code + ofB.code, 2) << ofA.err << ofB.err;
         const std::string winner = ofA.code == 0 ? "A" : "B";
@@ -387,11 +376,11 @@ TEST(Fault74, AFolderThatAKilledRunHasClaimedIsRefusedWithTheRemedy) {
     std::filesystem::create_directory(folder / "run");
     const std::string claim = folder.write("run/run.claim", "");
     const std::vector<std::string> arguments{"run", file, "--out", folder / "run", "--no-report", "--case", "A"};
-    const Outcome o = test::run(arguments);
+    const Outcome o = run(arguments);
     EXPECT_EQ(o.code, 2);
     expectContains(o.err, {"another run has this folder", "if that run was killed, delete " + claim});
     std::filesystem::remove(claim);
-    EXPECT_EQ(test::run(arguments).code, 0);
+    EXPECT_EQ(run(arguments).code, 0);
 }
 
 // The names that the clock gives in the next half minute are taken before.
@@ -409,13 +398,13 @@ TEST(Fault74, RunsOfOneSecondGetFoldersOfTheirOwn) {
         std::filesystem::create_directory(folder / "runs" / name);
     }
     const auto start = [&] {
-        return test::Program({"run", file, "--no-report", "--set", "duration_s=0.05"}, [&] {
+        return Program({"run", file, "--no-report", "--set", "duration_s=0.05"}, [&] {
             if (chdir(folder.path().c_str()) != 0) _exit(98);
             setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
         });
     };
-    test::Program a = start(), b = start(), c = start();
-    for (test::Program* program : {&a, &b, &c}) EXPECT_EQ(program->wait().code, 0);
+    Program a = start(), b = start(), c = start();
+    for (Program* program : {&a, &b, &c}) EXPECT_EQ(program->wait().code, 0);
     int runs = 0;
     for (const auto& entry : std::filesystem::directory_iterator(folder / "runs")) {
         const std::string name = entry.path().filename();
@@ -432,8 +421,8 @@ TEST(Fault74, RunsOfOneSecondGetFoldersOfTheirOwn) {
 
 /** Starts a long run, waits for its log to grow, and sends `signals` in turn. */
 Outcome runAndSignal(const Folder& folder, const std::vector<int>& signals, double& seconds) {
-    test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
-                           "duration_s=80000"});
+    Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                     "duration_s=80000"});
     while (!std::filesystem::exists(folder / "run/A.mcap") || std::filesystem::file_size(folder / "run/A.mcap") < 50000)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     const auto begin = std::chrono::steady_clock::now();
@@ -464,9 +453,9 @@ TEST(Fault75, ASignalBrakesTheArmAndFinishesTheLog) {
 // nohup starts a program so that it ignores SIGHUP; the terminal then sends one when it is closed.
 TEST(Fault75, ARunUnderNohupOutlivesItsTerminal) {
     Folder folder;
-    test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
-                           "duration_s=80000"},
-                          [] { signal(SIGHUP, SIG_IGN); });
+    Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+                     "duration_s=80000"},
+                    [] { signal(SIGHUP, SIG_IGN); });
     const auto awaitLog = [&](std::uintmax_t size) {
         std::error_code absent;
         for (std::uintmax_t is = 0; is < size || is == static_cast<std::uintmax_t>(-1);
@@ -487,9 +476,9 @@ TEST(Fault75, ARunUnderNohupOutlivesItsTerminal) {
 TEST(Fault75, ASecondSignalForcesTheEnd) {
     for (const int second : {SIGINT, SIGTERM, SIGPIPE}) {
         Folder folder;
-        test::Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
-                               "--no-report", "--set", "duration_s=80000", "--set",
-                               "filter={plugin: hangs, after_ticks: 5000}"});
+        Program program({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
+                         "--no-report", "--set", "duration_s=80000", "--set",
+                         "filter={plugin: hangs, after_ticks: 5000}"});
         std::uintmax_t size = 0;
         for (std::uintmax_t seen = 1; size == 0 || size != seen;) {  // it hangs when its log stands still
             seen = size;
@@ -521,4 +510,4 @@ TEST(Fault75, AClosedPipeDoesNotKillTheRun) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -4,8 +4,6 @@
 
 #include <cstdio>
 #include <functional>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "Paths.h"

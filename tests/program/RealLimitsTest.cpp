@@ -1,15 +1,11 @@
-#include <gtest/gtest.h>
-
-#include <cstdio>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "Program.h"
 #include "ProjectExperiment.h"
 
 // The limits of the real joint, on whole runs of the project's experiments.
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 CaseResult runReal(const std::vector<std::string>& overrides, double duration_s = 4.0) {
@@ -116,13 +112,13 @@ std::vector<double> readColumn(const std::string& table, const std::string& name
 
 // A part of the ten thousand draws; the whole: viable sweep experiments/indy7_sweep.yaml --runs 10000
 TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const auto out = folder.path() / "sweep";
-    const test::Outcome outcome =
-        test::Program({"sweep", "experiments/indy7_sweep.yaml", "--runs", "200", "--seed", "1", "--out", out.string()})
+    const Outcome outcome =
+        Program({"sweep", "experiments/indy7_sweep.yaml", "--runs", "200", "--seed", "1", "--out", out.string()})
             .wait();
     ASSERT_EQ(outcome.code, 0) << outcome.out << outcome.err;
-    const std::string table = test::readFile(out / "sweep.csv");
+    const std::string table = readFile(out / "sweep.csv");
     const auto findLargest = [&](const char* column) {
         const std::vector<double> values = readColumn(table, column);
         EXPECT_EQ(values.size(), 200u);
@@ -159,12 +155,12 @@ TEST(RealLimits, OtherArmsKeepThemToo) {
 }
 
 TEST(BoundCommand, ShowsTheBoundAndWhatItConsistsOf) {
-    const test::Outcome told = test::Program({"bound", "experiments/indy7_real_limits.yaml"}).wait();
+    const Outcome told = Program({"bound", "experiments/indy7_real_limits.yaml"}).wait();
     ASSERT_EQ(told.code, 0) << told.err;
     for (const char* part : {"position [mrad]", "velocity [rad/s]", "payload", "dry friction", "the motors give",
                              "share of the position range [%]"})
         EXPECT_NE(told.out.find(part), std::string::npos) << part << "\n" << told.out;
-    const test::Outcome json = test::Program({"bound", "experiments/indy7_real_limits.yaml", "--json"}).wait();
+    const Outcome json = Program({"bound", "experiments/indy7_real_limits.yaml", "--json"}).wait();
     const nlohmann::json all = nlohmann::json::parse(json.out);
     ASSERT_EQ(all.size(), 1u);
     EXPECT_EQ(all[0]["position_rad"].size(), 6u);
@@ -172,10 +168,10 @@ TEST(BoundCommand, ShowsTheBoundAndWhatItConsistsOf) {
     for (const auto& part : all[0]["parts"]) sum += part["position_rad"][0].get<double>();
     EXPECT_GE(sum, 0.999 * all[0]["position_rad"][0].get<double>());
 
-    const test::Outcome none = test::Program({"bound", "experiments/paper_fig5.yaml"}).wait();
+    const Outcome none = Program({"bound", "experiments/paper_fig5.yaml"}).wait();
     EXPECT_EQ(none.code, 2);
     EXPECT_NE(none.err.find("no case has a tracking bound"), std::string::npos) << none.err;
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -4,12 +4,9 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <time.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <memory>
-#include <string>
-#include <vector>
 
 #include "Program.h"
 

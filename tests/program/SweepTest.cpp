@@ -4,23 +4,18 @@
 #include <sys/stat.h>
 
 #include <chrono>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
 
-#include "Paths.h"
 #include "Program.h"
 #include "sweep/SweepStore.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
-using Folder = test::TemporaryFolder;
-using test::kSanitized;
-using test::Outcome;
-using test::readFile;
+using Folder = TemporaryFolder;
 
 const char* const kSweptExperiment = R"(schema: 1
 title: a sweep
@@ -66,7 +61,7 @@ protected:
     }
     /** A sweep that must go well; returns its table. */
     std::string sweep(const std::string& out, std::vector<std::string> more) {
-        const Outcome o = test::run(arguments(folder_ / out, std::move(more)));
+        const Outcome o = run(arguments(folder_ / out, std::move(more)));
         EXPECT_EQ(o.code, 0) << o.out << o.err;
         return readFile(folder_ / (out + "/sweep.csv"));
     }
@@ -137,7 +132,7 @@ TEST_F(Fault77_Sweep, IsTheSameToTheLastBitHoweverItIsRun) {
         sweep(out, {"--runs", "24", "--shard", std::string(i) + "/3"});
         merge.push_back(folder_ / out);
     }
-    const Outcome o = test::run(merge);
+    const Outcome o = run(merge);
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(readFile(folder_ / "whole/sweep.csv"), one);
     sweep("more", {"--runs", "12"});
@@ -186,7 +181,7 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
     const std::vector<std::string> more{"--runs", "60", "--jobs", "2"};
     const std::string whole = sweep("whole", more);
 
-    test::Program program(arguments(folder_ / "child", more));
+    Program program(arguments(folder_ / "child", more));
     std::int64_t seen = 0;
     for (int kill = 0; kill < 3; ++kill) {
         ASSERT_TRUE(waitFor([&] { return countRuns("child") > seen; }));
@@ -199,7 +194,7 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
 
     for (const int signal : {SIGKILL, SIGINT}) {
         const std::string out = "signal" + std::to_string(signal);
-        test::Program first(arguments(folder_ / out, more));
+        Program first(arguments(folder_ / out, more));
         ASSERT_TRUE(waitFor([&] { return countRuns(out) >= 5; }));
         const std::vector<pid_t> children = findChildren(first.pid());
         EXPECT_EQ(children.size(), 1u);
@@ -239,7 +234,7 @@ TEST_F(Fault76_Sweep, APluginThatFailsCostsItsOwnRunOnlyAndIsReplayed) {
     for (const char* jobs : {"1", "4"}) {
         std::vector<std::string> all = more;
         all.push_back(jobs);
-        o = test::run(arguments(folder_ / jobs, all));
+        o = run(arguments(folder_ / jobs, all));
         EXPECT_EQ(o.code, 4) << o.out << o.err;
         tables.push_back(readFile(folder_ / (std::string(jobs) + "/sweep.csv")));
     }
@@ -282,12 +277,12 @@ TEST_F(Fault76_Sweep, APluginThatFailsCostsItsOwnRunOnlyAndIsReplayed) {
 TEST_F(Fault76_Sweep, ARunThatTakesAllMemoryCostsNoOther) {
     if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
     file_ = folder_.write("bad.yaml", kMisbehaving);
-    const Outcome o = test::run(arguments(folder_ / "s", {"--runs", "8", "--jobs", "4", "--set",
-                                                          "cases.bad.filter.how=~choice(not, not, eats_memory)"}),
-                                [] {
-                                    const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
-                                    setrlimit(RLIMIT_AS, &limit);
-                                });
+    const Outcome o = run(arguments(folder_ / "s", {"--runs", "8", "--jobs", "4", "--set",
+                                                    "cases.bad.filter.how=~choice(not, not, eats_memory)"}),
+                          [] {
+                              const rlimit limit{rlim_t(4) << 30, RLIM_INFINITY};
+                              setrlimit(RLIMIT_AS, &limit);
+                          });
     EXPECT_EQ(o.code, 4) << o.out << o.err;
     EXPECT_NE(o.out.find("good: 8 ok"), std::string::npos) << o.out;
     int eaten = 0, rows = 0;
@@ -313,10 +308,9 @@ TEST_F(Fault76_Sweep, ARunThatTakesAllMemoryCostsNoOther) {
 
 // A push beyond the stated set, too short for a trip: one of the two runs bears it.
 TEST_F(Sweep, ABrokenGuaranteeOnTheRealArmIsNotOk) {
-    const Outcome o =
-        test::run({"sweep", "experiments/indy7_sweep.yaml", "--runs", "4", "--shard", "1/2", "--out", folder_ / "s",
-                   "--set", "duration_s=3", "--set", "real_plant.push_Nm=[900,900,0,0,0,0]", "--set",
-                   "real_plant.push_from_s=2", "--set", "real_plant.push_until_s=2.001"});
+    const Outcome o = run({"sweep", "experiments/indy7_sweep.yaml", "--runs", "4", "--shard", "1/2", "--out",
+                           folder_ / "s", "--set", "duration_s=3", "--set", "real_plant.push_Nm=[900,900,0,0,0,0]",
+                           "--set", "real_plant.push_from_s=2", "--set", "real_plant.push_until_s=2.001"});
     EXPECT_EQ(o.code, 3) << o.err;
     std::map<std::string, int> ends;
     const SweepStore store = open("s");
@@ -335,7 +329,7 @@ TEST_F(Sweep, ABrokenGuaranteeOnTheRealArmIsNotOk) {
 
 TEST_F(Sweep, ChecksWhatItIsGiven) {
     const auto expectRefusal = [&](const std::vector<std::string>& more, const std::string& what) {
-        const Outcome o = test::run(more);
+        const Outcome o = run(more);
         EXPECT_EQ(o.code, 2) << o.out;
         EXPECT_NE(o.err.find(what), std::string::npos) << o.err;
     };
@@ -366,7 +360,7 @@ TEST_F(Sweep, APluginBuiltAnewBeginsAnotherSweep) {
     sweep("s", {"--runs", "1", choice});
     sweep("s", {"--runs", "1", choice});
     std::ofstream(own, std::ios::app) << "x";
-    const Outcome o = test::run(arguments(folder_ / "s", {"--runs", "1", choice}));
+    const Outcome o = run(arguments(folder_ / "s", {"--runs", "1", choice}));
     EXPECT_EQ(o.code, 2) << o.out;
     EXPECT_NE(o.err.find("a plugin or the program is another"), std::string::npos) << o.err;
 }
@@ -376,19 +370,19 @@ TEST_F(Sweep, AgainDoesLostRunsOnceMore) {
     file_ = folder_.write("bad.yaml", kMisbehaving);
     const std::vector<std::string> first =
         arguments(folder_ / "s", {"--runs", "4", "--set", "cases.bad.filter.how=~choice(exits, exits)"});
-    EXPECT_EQ(test::run(first).code, 4);
-    Outcome o = test::run(first);
+    EXPECT_EQ(run(first).code, 4);
+    Outcome o = run(first);
     EXPECT_NE(o.out.find("4 runs are there already, 0 to do"), std::string::npos) << o.out;
     std::vector<std::string> again = first;
     again.push_back("--again");
-    o = test::run(again);
+    o = run(again);
     EXPECT_EQ(o.code, 4) << o.err;
     EXPECT_NE(o.out.find("4 runs that crashed or took too long are done again"), std::string::npos) << o.out;
     EXPECT_EQ(open("s").findRuns().size(), 4u);
 }
 
 TEST_F(Sweep, AFileSizeLimitIsToldAndTheSweepGoesOnFromThere) {
-    const Outcome o = test::run(arguments(folder_ / "s", {"--runs", "8"}), [] {
+    const Outcome o = run(arguments(folder_ / "s", {"--runs", "8"}), [] {
         const rlimit limit{40000, RLIM_INFINITY};
         setrlimit(RLIMIT_FSIZE, &limit);
     });
@@ -397,16 +391,16 @@ TEST_F(Sweep, AFileSizeLimitIsToldAndTheSweepGoesOnFromThere) {
 }
 
 TEST_F(Sweep, CheckTriesRunsAndTheEndsOfTheirRanges) {
-    const Outcome o = test::run({"check", file_});
+    const Outcome o = run({"check", file_});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_NE(o.out.find("5 values drawn; 10 runs and 10 ends of their ranges tried"), std::string::npos) << o.out;
     // None of the ten runs has drawn it.
-    const Outcome bad = test::run(
-        {"check", file_, "--set", "tick_s=~choice(0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 7)"});
+    const Outcome bad =
+        run({"check", file_, "--set", "tick_s=~choice(0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 7)"});
     EXPECT_EQ(bad.code, 2) << bad.out;
     EXPECT_NE(bad.err.find("tick_s"), std::string::npos) << bad.err;
-    EXPECT_EQ(test::run({"check", file_, "--draw", "9:4"}).code, 0);
+    EXPECT_EQ(run({"check", file_, "--draw", "9:4"}).code, 0);
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

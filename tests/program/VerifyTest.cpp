@@ -5,28 +5,25 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "Paths.h"
 #include "Program.h"
 #include "records/LogReader.h"
 
 // `viable verify` and `viable identify` from outside: exit codes, words, files, and what they say against what a
 // simulation knows.
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using test::Outcome;
-using test::readFile;
 
 /** The main experiment's real arm, its readings and its truth. */
 class Verify : public testing::Test {
 protected:
     static void SetUpTestSuite() {
-        folder_ = std::make_unique<test::TemporaryFolder>();
-        const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set",
-                                     "duration_s=10", "--out", *folder_ / "run", "--no-report"});
+        folder_ = std::make_unique<TemporaryFolder>();
+        const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set", "duration_s=10",
+                               "--out", *folder_ / "run", "--no-report"});
         ASSERT_EQ(o.code, 0) << o.err;
         LogReader reader(log());
         for (TickRecord record; reader.read(record);) truth_.push_back(record);
@@ -37,7 +34,7 @@ protected:
     }
     static fs::path log() { return *folder_ / "run/C3.mcap"; }
 
-    static inline std::unique_ptr<test::TemporaryFolder> folder_;
+    static inline std::unique_ptr<TemporaryFolder> folder_;
     static inline std::vector<TickRecord> truth_;
 };
 
@@ -78,10 +75,10 @@ TEST(VerifyMemory, OneJointIsJudgedAfterTheOther) {
 #endif
     constexpr int kSamples = 50000;
     constexpr double kMost_B = 1200.0;  // per sample
-    test::TemporaryFolder folder;
+    TemporaryFolder folder;
     const auto measure = [&](int joints, int samples) {
         const std::string name = std::to_string(joints) + "x" + std::to_string(samples) + ".csv";
-        test::Program program({"verify", folder.write(name, writeWave(joints, samples))});
+        Program program({"verify", folder.write(name, writeWave(joints, samples))});
         rusage used{};
         int status = 0;
         EXPECT_EQ(wait4(program.pid(), &status, 0, &used), program.pid());
@@ -96,7 +93,7 @@ TEST(VerifyMemory, OneJointIsJudgedAfterTheOther) {
 
 TEST_F(Verify, AgreesWithTheTruthOfTheMainExperiment) {
     const std::string file = *folder_ / "verdict.json";
-    const Outcome o = test::run({"verify", log(), "--json", file});
+    const Outcome o = run({"verify", log(), "--json", file});
     ASSERT_TRUE(o.code == 3 || o.code == 0 || o.code == 7) << o.err;
     const json verdict = json::parse(readFile(file));
     EXPECT_EQ(o.code, verdict.at("verdict") == "broken" ? 3 : verdict.at("verdict") == "held" ? 0 : 7);
@@ -143,18 +140,18 @@ TEST_F(Verify, AgreesWithTheTruthOfTheMainExperiment) {
 }
 
 TEST_F(Verify, TheNominalArmKeepsItsLimits) {
-    const Outcome o = test::run({"verify", log(), "--signal", "nominal"});
+    const Outcome o = run({"verify", log(), "--signal", "nominal"});
     EXPECT_EQ(o.code, 0) << o.out << o.err;
     EXPECT_NE(o.out.find("24 held, 0 broken, 0 cannot be told at this noise"), std::string::npos) << o.out;
 }
 
 TEST_F(Verify, ReportsAndWritesNothingByHalf) {
-    const Outcome o = test::run({"verify", log(), "--report"});
+    const Outcome o = run({"verify", log(), "--report"});
     EXPECT_EQ(o.code, 3) << o.err;
     EXPECT_NE(o.out.find("C3.verify.json"), std::string::npos);
     EXPECT_TRUE(fs::exists(log().parent_path() / "C3.verify.json"));
     EXPECT_NE(readFile(log().parent_path() / "report.html").find("\"verification\""), std::string::npos);
-    const Outcome nowhere = test::run({"verify", log(), "--json", *folder_ / "none/verdict.json"});
+    const Outcome nowhere = run({"verify", log(), "--json", *folder_ / "none/verdict.json"});
     EXPECT_EQ(nowhere.code, 5);
     EXPECT_NE(nowhere.err.find("none/verdict.json"), std::string::npos) << nowhere.err;
 }
@@ -172,11 +169,11 @@ std::string makeCsv(const std::string& header, double scale = 1.0) {
 
 TEST_F(Verify, TakesCsvWithTheLimitsOfARobot) {
     const std::string csv = folder_->write("ok.csv", makeCsv("time_s,joint0_deg", 20.0));
-    const Outcome o = test::run({"verify", csv, "--limits", "indy7"});
+    const Outcome o = run({"verify", csv, "--limits", "indy7"});
     EXPECT_EQ(o.code, 0) << o.out << o.err;
     EXPECT_NE(o.out.find("not in the record, so not judged: joint1, joint2"), std::string::npos) << o.out;
     const Outcome fast =
-        test::run({"verify", folder_->write("fast.csv", makeCsv("time_s,joint0_rad", 2.0)), "--limits", "indy7"});
+        run({"verify", folder_->write("fast.csv", makeCsv("time_s,joint0_rad", 2.0)), "--limits", "indy7"});
     EXPECT_EQ(fast.code, 3) << fast.out;
     EXPECT_NE(fast.out.find("BROKEN"), std::string::npos);
 }
@@ -184,7 +181,7 @@ TEST_F(Verify, TakesCsvWithTheLimitsOfARobot) {
 TEST_F(Verify, BadInputIsRefusedWithPlaceAndRemedy) {
     const auto refuse = [&](const std::string& text, const std::string& words, std::vector<std::string> more = {}) {
         more.insert(more.begin(), {"verify", folder_->write("bad.csv", text)});
-        const Outcome o = test::run(more);
+        const Outcome o = run(more);
         EXPECT_EQ(o.code, 2) << o.out << o.err;
         EXPECT_NE(o.err.find(words), std::string::npos) << o.err;
         EXPECT_EQ(o.out, "");
@@ -217,7 +214,7 @@ TEST_F(Verify, TellsTheJerkOfAHumanHand) {
     const std::string recording = VIABLE_SOURCE_DIR "/../shared/data/freiburg1_xyz-groundtruth.txt";
     if (!fs::exists(recording)) GTEST_SKIP() << "the recorded motion " << recording << " is not here";
     const std::string file = *folder_ / "hand.json";
-    const Outcome o = test::run({"verify", recording, "--columns", "timestamp:s,tx:m,ty:m,tz:m", "--json", file});
+    const Outcome o = run({"verify", recording, "--columns", "timestamp:s,tx:m,ty:m,tz:m", "--json", file});
     EXPECT_EQ(o.code, 0) << o.err;
     const json verdict = json::parse(readFile(file));
     ASSERT_EQ(verdict.at("joints").size(), 3u);
@@ -236,7 +233,7 @@ TEST_F(Verify, TellsTheJerkOfAHumanHand) {
 
 TEST_F(Verify, IdentifiesTheFrictionOfTheMainExperiment) {
     const std::string actuation = *folder_ / "actuation.yaml";
-    const Outcome o = test::run({"identify", log(), "--out", actuation, "--json", *folder_ / "figures.json"});
+    const Outcome o = run({"identify", log(), "--out", actuation, "--json", *folder_ / "figures.json"});
     EXPECT_EQ(o.code, 0) << o.err;
     EXPECT_NE(readFile(actuation).find("coulomb_Nm"), std::string::npos);
     const json figures = json::parse(readFile(*folder_ / "figures.json"));
@@ -244,15 +241,15 @@ TEST_F(Verify, IdentifiesTheFrictionOfTheMainExperiment) {
     // A folder with the new file is a robot.
     fs::copy(VIABLE_SOURCE_DIR "/robots/indy7", *folder_ / "indy7", fs::copy_options::recursive);
     fs::copy_file(actuation, *folder_ / "indy7/actuation.yaml", fs::copy_options::overwrite_existing);
-    EXPECT_EQ(test::run({"robots", "--describe", *folder_ / "indy7"}).code, 0);
-    EXPECT_EQ(test::run({"identify", log(), log()}).code, 2);
-    EXPECT_EQ(test::run({"identify", log(), "--out", actuation}).code, 2);  // exists
+    EXPECT_EQ(run({"robots", "--describe", *folder_ / "indy7"}).code, 0);
+    EXPECT_EQ(run({"identify", log(), log()}).code, 2);
+    EXPECT_EQ(run({"identify", log(), "--out", actuation}).code, 2);  // exists
     // What has no torques cannot be identified.
     const Outcome csv =
-        test::run({"identify", folder_->write("q.csv", makeCsv("time_s,joint0_rad")), "--robot", "single_joint"});
+        run({"identify", folder_->write("q.csv", makeCsv("time_s,joint0_rad")), "--robot", "single_joint"});
     EXPECT_EQ(csv.code, 2) << csv.out;
     EXPECT_NE(csv.err.find("torque"), std::string::npos) << csv.err;
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <map>
 #include <sstream>
-#include <string>
 
 #include "Paths.h"
 #include "Properties.h"

@@ -1,9 +1,7 @@
-#include <cmath>
 #include <string>
 
 #include "Properties.h"
 #include "Random.h"
-#include "Report.h"
 #include "robot/DynamicsCheck.h"
 #include "robot/SimbodyModel.h"
 

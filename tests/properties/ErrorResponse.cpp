@@ -1,7 +1,6 @@
 #include "ErrorResponse.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <unsupported/Eigen/MatrixFunctions>
 

@@ -1,7 +1,5 @@
 #include "FastestReturn.h"
 
-#include <limits>
-
 #include "viable/braking/Braking.h"
 
 namespace viable {

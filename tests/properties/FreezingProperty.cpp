@@ -2,25 +2,15 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "Properties.h"
 #include "PushedArm.h"
-#include "Random.h"
 #include "environment/CollisionChecker.h"
-#include "filter/WholeArmBrakingFilter.h"
 #include "robot/ArmReach.h"
 #include "viable/core/Error.h"
-#include "viable/environment/Surroundings.h"
-#include "viable/loop/NominalPlant.h"
 
 namespace viable {
 

@@ -1,13 +1,10 @@
-#include <algorithm>
 #include <cstring>
 #include <deque>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "Properties.h"
 #include "Random.h"
-#include "Report.h"
 #include "viable/link/viable_link_linux.h"
 
 namespace viable {

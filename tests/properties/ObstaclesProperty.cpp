@@ -1,13 +1,9 @@
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <memory>
 
 #include "Properties.h"
 #include "PushedArm.h"
-#include "Random.h"
 #include "environment/CollisionChecker.h"
-#include "viable/environment/Surroundings.h"
 
 namespace viable {
 

@@ -1,12 +1,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <limits>
-#include <memory>
-#include <optional>
 
 #include "Properties.h"
 #include "PushedArm.h"
-#include "Random.h"
 #include "Walkers.h"
 #include "limits/SeparationLimit.h"
 

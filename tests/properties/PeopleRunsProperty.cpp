@@ -1,14 +1,11 @@
 #include <time.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <limits>
-#include <optional>
 
 #include "Paths.h"
 #include "Properties.h"
-#include "Random.h"
 #include "Walkers.h"
 #include "clearance/CapsuleMotion.h"
 #include "filter/WholeArmBrakingFilter.h"

@@ -1,8 +1,6 @@
 #include "PushedArm.h"
 
 #include <algorithm>
-#include <cmath>
-#include <string>
 
 #include "Paths.h"
 #include "viable/core/Error.h"

@@ -8,8 +8,6 @@
 #include "Random.h"
 #include "Report.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 #include "viable/environment/People.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"

@@ -1,10 +1,8 @@
 #include <algorithm>
 #include <cstdio>
-#include <optional>
 
 #include "Properties.h"
 #include "PushedArm.h"
-#include "Random.h"
 #include "limits/PointSpeedLimit.h"
 
 namespace viable {

@@ -1,13 +1,9 @@
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "DisturbedArm.h"
 #include "ErrorResponse.h"
@@ -16,10 +12,8 @@
 #include "TrackingSubjects.h"
 #include "core/Text.h"
 #include "robot/PoseSampling.h"
-#include "tracking/TrackingBound.h"
 #include "viable/braking/Servo.h"
 #include "viable/core/Error.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -19,23 +19,8 @@ JointVector expand(std::initializer_list<double> values) {
 }  // namespace
 
 const char* getName(Kind kind) {
-    switch (kind) {
-        case Kind::Friction:
-            return "friction";
-        case Kind::Constant:
-            return "constant";
-        case Kind::Known:
-            return "known";
-        case Kind::Pushes:
-            return "pushes";
-        case Kind::Payload:
-            return "payload";
-        case Kind::Readings:
-            return "readings";
-        case Kind::All:
-            break;
-    }
-    return "all";
+    constexpr const char* kNames[] = {"friction", "constant", "known", "pushes", "payload", "readings", "all"};
+    return kNames[static_cast<int>(kind)];
 }
 
 void setLimits(JointLimits& limits, double velocity, double acceleration, double jerk) {

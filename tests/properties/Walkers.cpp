@@ -1,7 +1,6 @@
 #include "Walkers.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 
 namespace viable {

@@ -1,11 +1,7 @@
 // Plugins in Python inside a process that has an interpreter of its own already, as a Python module that runs cases would: that
 // one is used, and its lock is taken and given back.
-#include <gtest/gtest.h>
 #include <pybind11/embed.h>
-#include <unistd.h>
 
-#include <memory>
-#include <string>
 #include <thread>
 #include <vector>
 

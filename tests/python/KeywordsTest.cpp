@@ -1,8 +1,5 @@
 // A setting is one line: reader, schema, tables, and in Python keyword, check, docstring, signature and stub come from it.
-#include <gtest/gtest.h>
 #include <pybind11/embed.h>
-
-#include <string>
 
 #include "../../tools/python/src/Keywords.h"
 #include "ExpectContains.h"

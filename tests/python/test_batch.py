@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import viable
+from support import find_largest, read_limits
 
 EXPERIMENTS = Path(os.environ["VIABLE_SOURCE_DIR"]) / "experiments"
 EFFORT = float(os.environ.get("VIABLE_EFFORT", "1"))
@@ -20,19 +21,6 @@ def find_excess(batch, limits):
     """By how much an arm is beyond a limit, relative to that; inf where a number is not finite."""
     return find_largest(((batch.q, limits.position), (batch.qd, limits.velocity), (batch.qdd, limits.acceleration),
                          (batch.jerk, limits.jerk)))
-
-
-def find_largest(pairs):
-    worst = 0.0
-    for values, (lower, upper) in pairs:
-        if not np.isfinite(values).all():
-            return np.inf
-        for sign, bound in ((1, upper), (-1, lower)):
-            there = np.isfinite(bound)
-            if there.any():
-                share = sign * (values[..., there] - bound[there]) / np.maximum(abs(bound[there]), 1e-3)
-                worst = max(worst, share.max())
-    return worst
 
 
 class Batches(unittest.TestCase):
@@ -81,10 +69,8 @@ class Batches(unittest.TestCase):
             real = [log.joint_array("real", name) for name in ("q_rad", "qd_radps")]
             motor = log.joint_array("motor", "tau_Nm")
             status = log["tick.status"]
-            sides = {name: tuple(log.joint_array("limits", f"{name}_{side}_{unit}")[0] for side in ("lower", "upper"))
-                     for name, unit in (("position", "rad"), ("velocity", "radps"), ("acceleration", "radps2"),
-                                        ("jerk", "radps3"))}
-        batch = viable.Batch(self.robot, 3, limits=viable.Limits(**sides), k_alpha=5, gamma=20,
+            limits = read_limits(log)
+        batch = viable.Batch(self.robot, 3, limits=limits, k_alpha=5, gamma=20,
                              plant={"payload_kg": 1.0, "seed": 7})
         batch.reset(q=nominal[0][0])
         self.assertGreater(np.count_nonzero(status == "modified"), 1000)
@@ -111,11 +97,9 @@ class Batches(unittest.TestCase):
                 nominal = [log.joint_array("nominal", name) for name in ("q_rad", "qd_radps", "qdd_radps2", "jerk_radps3")]
                 filtered = log.joint_array("filter", "tau_Nm")
                 poses = np.column_stack([log[f"command.tool.{name}"] for name in ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")])
-                sides = {name: tuple(log.joint_array("limits", f"{name}_{side}_{unit}")[0] for side in ("lower", "upper"))
-                         for name, unit in (("position", "rad"), ("velocity", "radps"), ("acceleration", "radps2"),
-                                            ("jerk", "radps3"))}
+                limits = read_limits(log)
                 clearance = None if environment is None else log["clearance.distance_m"]
-            batch = viable.Batch(self.robot, 2, limits=viable.Limits(**sides), action="tool_pose", environment=environment)
+            batch = viable.Batch(self.robot, 2, limits=limits, action="tool_pose", environment=environment)
             batch.reset(q=nominal[0][0])
             self.assertGreater(abs(nominal[0][-1] - nominal[0][0]).max(), 0.05)
             for i in range(len(poses)):

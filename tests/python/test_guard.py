@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import viable
+from support import find_largest, read_limits
 
 EXPERIMENTS = Path(os.environ["VIABLE_SOURCE_DIR"]) / "experiments"
 
@@ -34,17 +35,8 @@ def follow(guard, law, ticks):
 
 def largest_excess(states, jerk, limits):
     """By how much states (ticks, 3, n) and jerks (ticks, n) pass their limits, relative to those; inf where one is not finite."""
-    worst = 0.0
-    for values, (lower, upper) in zip((states[:, 0], states[:, 1], states[:, 2], jerk),
-                                      (limits.position, limits.velocity, limits.acceleration, limits.jerk)):
-        if not np.isfinite(values).all():
-            return np.inf
-        for sign, bound in ((1, upper), (-1, lower)):
-            there = np.isfinite(bound)
-            if there.any():
-                share = sign * (values[:, there] - bound[there]) / np.maximum(abs(bound[there]), 1e-3)
-                worst = max(worst, share.max())
-    return worst
+    return find_largest(((states[:, 0], limits.position), (states[:, 1], limits.velocity),
+                         (states[:, 2], limits.acceleration), (jerk, limits.jerk)))
 
 
 class Guards(unittest.TestCase):
@@ -128,11 +120,9 @@ class Guards(unittest.TestCase):
             log = viable.Log(out / "C3.mcap")
             q, qd, qdd = (log.joint_array("nominal", name) for name in ("q_rad", "qd_radps", "qdd_radps2"))
             wanted, filtered = log.joint_array("desired", "tau_Nm"), log.joint_array("filter", "tau_Nm")
-            sides = {name: tuple(log.joint_array("limits", f"{name}_{side}_{unit}")[0] for side in ("lower", "upper"))
-                     for name, unit in (("position", "rad"), ("velocity", "radps"), ("acceleration", "radps2"),
-                                        ("jerk", "radps3"))}
+            limits = read_limits(log)
             passed = log["tick.status"]
-        guard = viable.Guard(self.robot, 0.001, limits=viable.Limits(**sides), k_alpha=5, gamma=20, robust_loop=False)
+        guard = viable.Guard(self.robot, 0.001, limits=limits, k_alpha=5, gamma=20, robust_loop=False)
         guard.start(q[0], qd[0])
         self.assertGreater(np.count_nonzero(passed != "passed"), 1000)
         for i in range(len(q)):

@@ -190,12 +190,20 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
   return { series, active, modified, nominal, real, rest };
 }
 
+/** What a case is unless it says otherwise. */
+const USUAL_STYLE = {
+  filter: 'certified_braking',
+  robust: true,
+  boundedJerk: true,
+  guarantees: true,
+  ok: true,
+  verdict: 'all limits kept',
+};
 const STYLES = [
   {
     name: 'C1',
     verified: 'unclear',
     filter: 'acceleration_viability',
-    robust: true,
     boundedJerk: false,
     guarantees: false,
     ok: false,
@@ -205,71 +213,30 @@ const STYLES = [
     name: 'C2',
     filter: 'tosbp',
     environment: true,
-    robust: true,
-    boundedJerk: true,
     guarantees: false,
     ok: false,
     verdict: '53 joint-ticks outside, 25 ticks empty',
   },
-  {
-    name: 'C3',
-    verified: 'broken',
-    filter: 'certified_braking',
-    environment: true,
-    robust: true,
-    bound: true,
-    boundedJerk: true,
-    guarantees: true,
-    ok: true,
-    verdict: 'all limits kept',
-  },
-  {
-    name: 'C3_without_nric',
-    filter: 'certified_braking',
-    robust: false,
-    boundedJerk: true,
-    guarantees: true,
-    ok: true,
-    verdict: 'all limits kept',
-  },
+  { name: 'C3', verified: 'broken', environment: true, bound: true },
+  { name: 'C3_without_nric', robust: false },
   {
     name: 'broken',
     filter: 'broken_plugin',
-    robust: true,
-    boundedJerk: true,
-    guarantees: true,
     ok: false,
     verdict: 'broke its guarantee at 0.6 of the run',
     stopAt: 0.6,
   },
-  {
-    name: 'soft',
-    filter: 'tosbp',
-    robust: true,
-    boundedJerk: true,
-    guarantees: false,
-    ok: true,
-    verdict: 'all limits kept',
-  },
-  {
-    name: 'slow',
-    filter: 'certified_braking',
-    robust: false,
-    boundedJerk: true,
-    guarantees: true,
-    ok: true,
-    verdict: 'all limits kept',
-  },
+  { name: 'soft', filter: 'tosbp', guarantees: false },
+  { name: 'slow', robust: false },
   {
     name: 'passive',
     filter: 'none',
-    robust: true,
     boundedJerk: false,
     guarantees: false,
     ok: false,
     verdict: 'position limit missed',
   },
-];
+].map((style) => ({ ...USUAL_STYLE, ...style }));
 
 /** xyz, rpy of the joints of an Indy7. */
 const FRAMES = [

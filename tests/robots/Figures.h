@@ -5,8 +5,6 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
-#include <string>
 
 #include "viable/robot/RobotModel.h"
 

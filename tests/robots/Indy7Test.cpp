@@ -1,7 +1,4 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <filesystem>
 #include <random>
 
 #include "Figures.h"

@@ -1,21 +1,14 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "Figures.h"
+#include "Joints.h"
 #include "Paths.h"
 #include "RandomStates.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 constexpr const char* kPandaFigures = VIABLE_SOURCE_DIR "/../shared/data/panda_figures.json";
-
-JointVector seven(double a, double b, double c, double d, double e, double f, double g) {
-    JointVector v(7);
-    v << a, b, c, d, e, f, g;
-    return v;
-}
 
 /** robots/panda by itself and against the vendor's documentation. */
 class PandaTest : public ::testing::Test {
@@ -27,19 +20,19 @@ protected:
 /** frankaemika/docs, source/control-parameters-joint-panda.csv */
 TEST_F(PandaTest, HasTheDocumentedLimits) {
     const JointLimits& limits = robot_.limits;
-    EXPECT_EQ(limits.position.lower, seven(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973));
-    EXPECT_EQ(limits.position.upper, seven(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973));
-    EXPECT_EQ(limits.velocity.upper, seven(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61));
-    EXPECT_EQ(limits.acceleration.upper, seven(15, 7.5, 10, 12.5, 15, 20, 20));
-    EXPECT_EQ(limits.jerk.upper, seven(7500, 3750, 5000, 6250, 7500, 10000, 10000));
+    EXPECT_EQ(limits.position.lower, joints(-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973));
+    EXPECT_EQ(limits.position.upper, joints(2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973));
+    EXPECT_EQ(limits.velocity.upper, joints(2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61));
+    EXPECT_EQ(limits.acceleration.upper, joints(15, 7.5, 10, 12.5, 15, 20, 20));
+    EXPECT_EQ(limits.jerk.upper, joints(7500, 3750, 5000, 6250, 7500, 10000, 10000));
     EXPECT_EQ(limits.velocity.lower, -limits.velocity.upper);
     EXPECT_EQ(limits.acceleration.lower, -limits.acceleration.upper);
     EXPECT_EQ(limits.jerk.lower, -limits.jerk.upper);
-    EXPECT_EQ(robot_.actuation.torqueLimit, seven(87, 87, 87, 87, 12, 12, 12));
+    EXPECT_EQ(robot_.actuation.torqueLimit, joints(87, 87, 87, 87, 12, 12, 12));
 }
 
 TEST_F(PandaTest, StartsAtTheVendorsReadyPoseWithinItsLimits) {
-    EXPECT_LT((robot_.home - seven(0, -EIGEN_PI / 4, 0, -3 * EIGEN_PI / 4, 0, EIGEN_PI / 2, EIGEN_PI / 4)).norm(),
+    EXPECT_LT((robot_.home - joints(0, -EIGEN_PI / 4, 0, -3 * EIGEN_PI / 4, 0, EIGEN_PI / 2, EIGEN_PI / 4)).norm(),
               1e-15);
     EXPECT_TRUE((robot_.home.array() > robot_.limits.position.lower.array()).all());
     EXPECT_TRUE((robot_.home.array() < robot_.limits.position.upper.array()).all());
@@ -71,9 +64,9 @@ TEST_F(PandaTest, ToolPoseFollowsTheDenavitHartenbergTable) {
 /** Gaz et al., RA-L 4(4), 2019: FI1 / (1 + exp(-FI2 (qd + FI3))) - FI1 / (1 + exp(-FI2 FI3)), FI3 the offset of the law's
 middle from zero velocity. */
 TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
-    const JointVector FI1 = seven(0.54615, 0.87224, 0.64068, 1.2794, 0.83904, 0.30301, 0.56489);
-    const JointVector FI2 = seven(5.1181, 9.0657, 10.136, 5.5903, 8.3469, 17.133, 10.336);
-    const JointVector FI3 = seven(0.039533, 0.025882, -0.04607, 0.036194, 0.026226, -0.021047, 0.0035526);
+    const JointVector FI1 = joints(0.54615, 0.87224, 0.64068, 1.2794, 0.83904, 0.30301, 0.56489);
+    const JointVector FI2 = joints(5.1181, 9.0657, 10.136, 5.5903, 8.3469, 17.133, 10.336);
+    const JointVector FI3 = joints(0.039533, 0.025882, -0.04607, 0.036194, 0.026226, -0.021047, 0.0035526);
     const JointFriction& friction = robot_.actuation.friction;
     EXPECT_EQ(friction.coulomb, JointVector::Zero(7));
     for (int i = 0; i < 7; ++i) {
@@ -129,4 +122,4 @@ TEST_F(PandaFiguresTest, ToolPosesAreTheCollectedOnes) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

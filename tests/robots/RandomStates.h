@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <random>
 
 #include "viable/robot/RobotDescription.h"

@@ -1,19 +1,12 @@
-#include <gtest/gtest.h>
-
 #include "Figures.h"
+#include "Joints.h"
 #include "Paths.h"
 #include "RandomStates.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 constexpr const char* kUr5eFigures = VIABLE_SOURCE_DIR "/../shared/data/ur5e_figures.json";
-
-JointVector six(double a, double b, double c, double d, double e, double f) {
-    JointVector v(6);
-    v << a, b, c, d, e, f;
-    return v;
-}
 
 /** robots/ur5e by itself and against the vendor's documentation. */
 class Ur5eTest : public ::testing::Test {
@@ -25,10 +18,10 @@ protected:
 /** Universal_Robots_ROS2_Description, config/ur5e/joint_limits.yaml; acceleration and jerk are assumptions. */
 TEST_F(Ur5eTest, HasThePublishedLimits) {
     const double turn = 2 * EIGEN_PI;
-    EXPECT_EQ(robot_.limits.position.upper, six(turn, turn, turn / 2, turn, turn, turn));
+    EXPECT_EQ(robot_.limits.position.upper, joints(turn, turn, turn / 2, turn, turn, turn));
     EXPECT_EQ(robot_.limits.position.lower, -robot_.limits.position.upper);
     EXPECT_EQ(robot_.limits.velocity.upper, JointVector::Constant(6, EIGEN_PI));
-    EXPECT_EQ(robot_.actuation.torqueLimit, six(150, 150, 150, 28, 28, 28));
+    EXPECT_EQ(robot_.actuation.torqueLimit, joints(150, 150, 150, 28, 28, 28));
     EXPECT_EQ(robot_.toolLink, "wrist_3");
 }
 
@@ -105,4 +98,4 @@ TEST_F(Ur5eFiguresTest, ToolPosesAreTheCollectedOnes) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <string>
 
+#include "Complaint.h"
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"
@@ -69,6 +69,21 @@ real_plant: {plugin: simbody}
 cases: {A: {}}
 )";
 
+/** The nominal arm of kTeleoperation alone, through the first case and to its end. */
+inline Summary runNominalArm(const std::vector<std::string>& overrides) {
+    std::string file = kTeleoperation;
+    const std::size_t real = file.find("robust_loop:");
+    file.erase(real, file.find("cases:") - real);
+    const Experiment experiment = readTestExperiment(file, overrides);
+    const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
+    EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
+    return result.summary;
+}
+
+inline double passedShare(const Summary& s) {
+    return static_cast<double>(s.ticksWith(FilterStatus::Passed)) / static_cast<double>(s.ticks());
+}
+
 /** A configured loop for the first case of an experiment. */
 struct TestLoop {
     explicit TestLoop(const std::string& yaml, const std::vector<std::string>& overrides = {})
@@ -80,19 +95,6 @@ struct TestLoop {
     std::unique_ptr<ConfiguredCase> configured;
     ControlLoop loop;
 };
-
-/** Runs `action` and returns the text of the Error that it throws; fails when it throws none. */
-template <class Action>
-std::string catchError(const Action& action, ErrorKind kind = ErrorKind::BadInput) {
-    try {
-        action();
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), kind) << e.what();
-        return e.what();
-    }
-    ADD_FAILURE() << "no error was thrown";
-    return {};
-}
 
 inline bool allFinite(const TickRecord& r) {
     return r.nominal.q.allFinite() && r.nominal.qd.allFinite() && r.nominal.qdd.allFinite() &&

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <string>
 
+#include "Complaint.h"
 #include "Paths.h"
 #include "core/RotationVector.h"
 #include "host/PluginLoader.h"
@@ -49,13 +49,7 @@ public:
     template <class Source>
     std::string findComplaint(const std::string& text) const {
         Source source;
-        try {
-            configure(source, text);
-        } catch (const Error& e) {
-            EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-            return e.what();
-        }
-        return {};
+        return test::findComplaint([&] { configure(source, text); });
     }
 
     MotionState start;

@@ -1,18 +1,15 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <limits>
 #include <random>
-#include <string>
 #include <vector>
 
+#include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "log/LogWriter.h"
 #include "records/LogReader.h"
@@ -25,13 +22,7 @@ class LogTestBase : public ::testing::Test {
 protected:
     std::filesystem::path path(const std::string& name) const { return folder_ / name; }
     /** The names in it, sorted. */
-    std::vector<std::string> listFolder() const {
-        std::vector<std::string> names;
-        for (const auto& entry : std::filesystem::directory_iterator(folder_))
-            names.push_back(entry.path().filename().string());
-        std::sort(names.begin(), names.end());
-        return names;
-    }
+    std::vector<std::string> listFolder() const { return listNames(folder_); }
 
     const TemporaryFolder temporary_;
     const std::filesystem::path folder_ = temporary_.path();
@@ -310,14 +301,7 @@ inline std::vector<TickRecord> readAll(LogReader& reader) {
 /** The text of the Error that `call` throws; its kind is checked, too. */
 template <class Call>
 std::string catchError(ErrorKind kind, const Call& call) {
-    try {
-        call();
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), kind) << e.what();
-        return e.what();
-    }
-    ADD_FAILURE() << "nothing was thrown";
-    return {};
+    return catchError(call, kind);
 }
 
 }  // namespace viable::test

@@ -2,10 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-#include <string>
-
+#include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "viable/core/Error.h"
 #include "viable/robot/RobotDescription.h"
@@ -39,14 +36,7 @@ struct RobotFolder {
 
     /** The message with which the folder, as it now stands on disk, is refused. */
     std::string findFault() const {
-        try {
-            loadRobot(path());
-        } catch (const Error& error) {
-            EXPECT_EQ(error.kind(), ErrorKind::BadInput);
-            return error.what();
-        }
-        ADD_FAILURE() << "the robot was accepted";
-        return {};
+        return test::catchError([&] { loadRobot(path()); });
     }
     /** The same, once the files are written. */
     std::string writeAndFindFault() const {

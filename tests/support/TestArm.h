@@ -8,6 +8,7 @@
 #include <random>
 #include <string>
 
+#include "Complaint.h"
 #include "Paths.h"
 #include "host/PluginLoader.h"
 #include "viable/core/Error.h"
@@ -74,17 +75,7 @@ private:
     RobotModel model_;
 };
 
-/** What `action` complains about; empty when it does not. */
-template <class Action>
-std::string findComplaint(Action action) {
-    try {
-        action();
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return {};
-}
+using test::findComplaint;
 
 #define EXPECT_CONTAINS(text, part) \
     EXPECT_NE(std::string(text).find(part), std::string::npos) << "the text is: " << (text)

@@ -2,14 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <random>
 #include <string>
 #include <type_traits>
 
 #include "MotionTestSupport.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable {
 namespace {

@@ -1,14 +1,10 @@
 #include "braking/CertifiedBraking.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
+#include "Joints.h"
 #include "TestArm.h"
 #include "viable/core/Numbers.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using Status = FilterStatus;
@@ -17,18 +13,12 @@ constexpr double kTick_s = 1e-3;
 /** What counts as rounding beyond a limit, of size 1 to 40 here. */
 constexpr double kAllowed = 1e-11;
 
-JointVector makeVector(double a, double b, double c) {
-    JointVector v(3);
-    v << a, b, c;
-    return v;
-}
-
 /** Three joints: V < A^2/J, V > A^2/J, and limits that differ by side. */
 JointLimits makeLimits() {
-    return {{makeVector(-1.0, -0.4, -0.3), makeVector(1.0, 0.4, 0.7)},
-            {makeVector(-2.0, -2.5, -0.8), makeVector(2.0, 2.5, 1.2)},
-            {makeVector(-12.0, -4.0, -5.0), makeVector(12.0, 4.0, 9.0)},
-            {makeVector(-38.0, -40.0, -30.0), makeVector(38.0, 40.0, 20.0)}};
+    return {{joints(-1.0, -0.4, -0.3), joints(1.0, 0.4, 0.7)},
+            {joints(-2.0, -2.5, -0.8), joints(2.0, 2.5, 1.2)},
+            {joints(-12.0, -4.0, -5.0), joints(12.0, 4.0, 9.0)},
+            {joints(-38.0, -40.0, -30.0), joints(38.0, 40.0, 20.0)}};
 }
 
 JointMatrix makeInertia() {
@@ -48,7 +38,7 @@ struct Arm {
     LimitExcess excess;
 
     explicit Arm(double approach = 1.0) {
-        state.q = makeVector(0.0, 0.1, 0.2);
+        state.q = joints(0.0, 0.1, 0.2);
         state.qd.setZero(3);
         state.qdd.setZero(3);
         decision.value.setZero(3);
@@ -90,7 +80,7 @@ private:
 TEST(CertifiedBraking, WhatAllJointsAdmitIsTakenBitForBit) {
     Arm arm;
     // Sines of 0.1 rad around the start.
-    const JointVector w = makeVector(3.0, 5.0, 4.0);
+    const JointVector w = joints(3.0, 5.0, 4.0);
     arm.state.qd = 0.1 * w;
     arm.braking.reset(arm.state);
     for (int k = 0; k < 5000; ++k) {
@@ -104,13 +94,13 @@ TEST(CertifiedBraking, WhatAllJointsAdmitIsTakenBitForBit) {
 
 TEST(CertifiedBraking, SaysWhichLimitHoldsEachJointBack) {
     Arm arm;
-    ASSERT_EQ(arm.tick(makeVector(1e4, -1e4, 0.0)), Status::Modified);
+    ASSERT_EQ(arm.tick(joints(1e4, -1e4, 0.0)), Status::Modified);
     EXPECT_EQ(arm.acting[0].limit, LimitKind::Jerk);
     EXPECT_EQ(arm.acting[0].side, LimitSide::Upper);
     EXPECT_EQ(arm.acting[1].limit, LimitKind::Jerk);
     EXPECT_EQ(arm.acting[1].side, LimitSide::Lower);
     arm.M = JointMatrix::Identity(3, 3);
-    for (int k = 0; k < 3000; ++k) arm.tick(makeVector(1e4, -1e4, 0.0));
+    for (int k = 0; k < 3000; ++k) arm.tick(joints(1e4, -1e4, 0.0));
     EXPECT_EQ(arm.acting[0].limit, LimitKind::Position);
     EXPECT_EQ(arm.acting[0].side, LimitSide::Upper);
     EXPECT_EQ(arm.acting[1].limit, LimitKind::Position);
@@ -199,7 +189,7 @@ TEST(Fault34, AMatrixThatTheSolverCannotUseLeavesACheckedChoice) {
 }
 
 TEST(Fault35, AfterAFailedSolveTheNextTickIsRight) {
-    const JointVector push = makeVector(300.0, -5.0, 4.0);
+    const JointVector push = joints(300.0, -5.0, 4.0);
     for (const JointMatrix& bad : makeBadInertias()) {
         Arm failed, good;
         failed.M = bad;
@@ -207,7 +197,7 @@ TEST(Fault35, AfterAFailedSolveTheNextTickIsRight) {
         good.tick(-push);
         failed.M = makeInertia();
         // At another state both plan anew, so that only what the solver remembers differs.
-        const MotionState elsewhere{makeVector(0.3, -0.2, 0.1), makeVector(0.5, 0.3, -0.1), makeVector(1.0, -0.5, 0.2)};
+        const MotionState elsewhere{joints(0.3, -0.2, 0.1), joints(0.5, 0.3, -0.1), joints(1.0, -0.5, 0.2)};
         failed.state = good.state = elsewhere;
         EXPECT_EQ(failed.tick(push), Status::Modified);
         good.tick(push);
@@ -216,4 +206,4 @@ TEST(Fault35, AfterAFailedSolveTheNextTickIsRight) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

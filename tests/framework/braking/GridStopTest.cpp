@@ -2,15 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <random>
 #include <vector>
 
 #include "MotionTestSupport.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable {
 namespace {

@@ -2,9 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <random>
 #include <vector>
 
@@ -15,7 +12,7 @@
 #include "viable/core/Numbers.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 /** One joint under a servo. */
@@ -147,8 +144,8 @@ double calcGridEnd(AxisState s, const AxisLimits& l, double tick_s) {
 
 // 1e5 states: VIABLE_EFFORT=50
 TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
-    const int count = test::countOf(2000);
-    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(1)));
+    const int count = countOf(2000);
+    std::mt19937_64 random(static_cast<std::uint64_t>(getSeed(1)));
     std::vector<double> ratios;
     double worstTicks = -kInfinity, soonest = kInfinity, latest = -kInfinity, worstOvershoot = 0.0, worstRest = 0.0,
            worstExcess = -kInfinity;
@@ -227,9 +224,9 @@ TEST(Servo, AMovingTargetWhoseVelocityAndAccelerationAreKnownIsFollowedWithoutEr
 
 // What a target does that tells less, or asks for too much, costs accuracy and never a limit.
 TEST(Servo, KeepsAllLimitsWhateverTheTargetDoes) {
-    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(3)));
+    std::mt19937_64 random(static_cast<std::uint64_t>(getSeed(3)));
     double worst = -kInfinity;
-    for (int k = 0; k < test::countOf(300); ++k) {
+    for (int k = 0; k < countOf(300); ++k) {
         const Draw draw(random);
         const double share = std::uniform_real_distribution<double>(0.1, 1.0)(random);
         ServedJoint joint(draw.l, draw.tick_s, draw.start, share);
@@ -254,8 +251,7 @@ TEST(Servo, TakesNoMemoryInItsTicks) {
     ServedJoint joint(l, 1e-3, {-0.5, 0.0, 0.0}, 0.6);
     joint.advance({});
     const testing::AllocationCounter counter;
-    for (int tick = 0; tick < test::countOf(1000000); ++tick)
-        joint.advance({tick % 3000 < 1500 ? 1.0 : -4.0, 0.0, 0.0});
+    for (int tick = 0; tick < countOf(1000000); ++tick) joint.advance({tick % 3000 < 1500 ? 1.0 : -4.0, 0.0, 0.0});
     EXPECT_EQ(counter.count(), 0);
 }
 
@@ -312,4 +308,4 @@ TEST(TargetVelocity, JumpsHardlyCountAndDoNotHideAnEvenMotion) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -7,7 +7,6 @@
 #include <random>
 #include <tuple>
 
-#include "Paths.h"
 #include "SlidingArm.h"
 #include "environment/ArmSurroundings.h"
 #include "robot/ArmRecursion.h"

@@ -1,11 +1,9 @@
 #include "Balls.h"
-#include "Paths.h"
 #include "clearance/ArmStopCheck.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <random>
 
 #include "DrawnPath.h"
 #include "SlidingArm.h"

@@ -3,10 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <random>
 
 #include "DrawnPath.h"
-#include "Paths.h"
 #include "SlidingArm.h"
 #include "limits/SeparationLimit.h"
 #include "viable/core/Numbers.h"

@@ -1,10 +1,8 @@
-#include "Paths.h"
 #include "clearance/TorqueRate.h"
 
 #include <gtest/gtest.h>
 
 #include <cstdio>
-#include <random>
 
 #include "DrawnPath.h"
 #include "SlidingArm.h"

@@ -15,7 +15,7 @@ later:
 std::string refuseOverride(const std::string& assignment) {
     ConfigNode root = parseConfig(kFile, "f");
     const ConfigNode before = root;
-    const std::string text = catchBadInput([&] { applyOverride(root, assignment); });
+    const std::string text = catchError([&] { applyOverride(root, assignment); });
     EXPECT_TRUE(isSameTree(root, before)) << "the tree was changed in spite of the error";
     return text;
 }
@@ -34,7 +34,7 @@ TEST(ConfigOverride, ReplacesAndAdds) {
     EXPECT_EQ(gamma.place(), "--set filter.gamma");
     EXPECT_EQ(root.find("filter")->find("k_alpha")->text, "5");
     EXPECT_EQ(root.find("filter")->entries.size(), 3u);
-    expectContains(catchBadInput([&] {
+    expectContains(catchError([&] {
                        toNumber(gamma, {0.0, 2.0});
                    }),
                    {"--set filter.gamma: 3 is out of range; allowed is [0, 2]"});
@@ -129,7 +129,7 @@ TEST(ConfigMapTest, Fault02_UnknownKeyNamesTheClosestKnownOne) {
     EXPECT_EQ(map.find("k_alpha"), nullptr);
     EXPECT_EQ(map.find("dt"), nullptr);
     expectContains(
-        catchBadInput([&] { map.finish(); }),
+        catchError([&] { map.finish(); }),
         {"f:2:10: k_alhpa", "`k_alhpa` is unknown", "Did you mean `k_alpha`?", "Known keys: `gamma`, `k_alpha`, `dt`"});
     EXPECT_NE(map.find("k_alhpa"), nullptr);
     EXPECT_NO_THROW(map.finish());
@@ -147,7 +147,7 @@ TEST(ConfigMapTest, Fault02_EveryOneLetterSlipIsFound) {
                 const ConfigNode root = parseConfig(slip + ": 1\n", "f");
                 ConfigMap map(root);
                 for (const std::string& known : keys) map.find(known);
-                expectContains(catchBadInput([&] { map.finish(); }),
+                expectContains(catchError([&] { map.finish(); }),
                                {"`" + slip + "` is unknown", "Did you mean `" + key + "`?"});
             }
         }
@@ -157,10 +157,10 @@ TEST(ConfigMapTest, Fault02_EveryOneLetterSlipIsFound) {
 TEST(ConfigMapTest, MissingKeyAndWrongKind) {
     const ConfigNode root = parseConfig("a: {b: 1}\nc: 3\nd:\n", "f");
     ConfigMap map(*root.find("a"));
-    expectContains(catchBadInput([&] { map.require("dt"); }), {"f:1:4: a", "`dt` is missing", "Add `dt: ...`"});
-    expectContains(catchBadInput([&] { ConfigMap scalar(*root.find("c")); }),
+    expectContains(catchError([&] { map.require("dt"); }), {"f:1:4: a", "`dt` is missing", "Add `dt: ...`"});
+    expectContains(catchError([&] { ConfigMap scalar(*root.find("c")); }),
                    {"f:2:4: c", "must be a map of entries; it is the single value `3`"});
-    expectContains(catchBadInput([&] { ConfigMap empty(*root.find("d")); }), {"f:3:1: d", "it is empty"});
+    expectContains(catchError([&] { ConfigMap empty(*root.find("d")); }), {"f:3:1: d", "it is empty"});
 }
 
 }  // namespace

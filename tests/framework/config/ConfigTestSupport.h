@@ -1,36 +1,17 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <functional>
-#include <stdexcept>
-#include <string>
 #include <utility>
-#include <vector>
 
+#include "Complaint.h"
 #include "ExpectContains.h"
 #include "TemporaryFolder.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Error.h"
 
 namespace viable {
-
-/** What the action complains about; fails the test when it does not throw BadInput. */
-inline std::string catchBadInput(const std::function<void()>& action) {
-    try {
-        action();
-    } catch (const Error& error) {
-        EXPECT_EQ(error.kind(), ErrorKind::BadInput);
-        return error.what();
-    }
-    ADD_FAILURE() << "no error was thrown";
-    return {};
-}
 
 /** Every leaf of a tree in file order: key path and content. */
 inline void listLeaves(const ConfigNode& node, std::vector<std::pair<std::string, std::string>>& leaves) {
@@ -78,6 +59,7 @@ inline double measure_ms(const std::function<void()>& action) {
     return best;
 }
 
+using test::catchError;
 using test::expectContains;
 using test::TemporaryFolder;
 

@@ -15,14 +15,13 @@ double readNumber(const std::string& text, const NumberRange& range = {}) {
     return toNumber(makeValue(text), range);
 }
 std::string refuseNumber(const std::string& text, const NumberRange& range = {}) {
-    return catchBadInput([&] { readNumber(text, range); });
+    return catchError([&] { readNumber(text, range); });
 }
 
 TEST(ConfigValues, ABlankIsToldAsNotFilledIn) {
     expectContains(refuseNumber("TODO"), {"f:1:4: v: not filled in yet", "Write the value in place of TODO"});
-    expectContains(catchBadInput([] { toJointVector(makeValue("TODO"), 3); }), {"f:1:4: v: not filled in yet"});
-    expectContains(catchBadInput([] { toJointVector(makeValue("[1, TODO, 3]"), 3); }),
-                   {"f:1:8: v[1]: not filled in yet"});
+    expectContains(catchError([] { toJointVector(makeValue("TODO"), 3); }), {"f:1:4: v: not filled in yet"});
+    expectContains(catchError([] { toJointVector(makeValue("[1, TODO, 3]"), 3); }), {"f:1:8: v[1]: not filled in yet"});
     expectContains(refuseNumber("todo"), {"`todo` is not a number"});
     expectContains(refuseNumber("\"TODO\""), {"in quotes is text"});
     EXPECT_NO_THROW(refuseBlank(makeValue("\"TODO\"")));
@@ -141,7 +140,7 @@ TEST(ConfigValues, Fault04_NotFiniteUnderflowOverflowAndLeadingZeros) {
         SCOPED_TRACE(text);
         expectContains(refuseNumber(text), {"begins with a zero", "without leading zeros"});
     }
-    expectContains(catchBadInput([] { toInteger(makeValue("010"), 0, 100); }),
+    expectContains(catchError([] { toInteger(makeValue("010"), 0, 100); }),
                    {"f:1:4: v", "`010` is not a whole number in [0, 100]", "leading zeros"});
 }
 
@@ -187,16 +186,16 @@ TEST(ConfigValues, Integers) {
     EXPECT_EQ(toInteger(makeValue("-9223372036854775808"), INT64_MIN, 0), INT64_MIN);
     for (const char* text : {"3.0", "1e3", "pi", "+3", "0x10", "1_000", "3 s", "--3", "-a", "2*3"}) {
         SCOPED_TRACE(text);
-        expectContains(catchBadInput([&] { toInteger(makeValue(text), 0, 100); }),
+        expectContains(catchError([&] { toInteger(makeValue(text), 0, 100); }),
                        {"f:1:4: v", text, "a whole number in [0, 100]", "digits only"});
     }
     for (const char* text : {"101", "-1", "9223372036854775808", "99999999999999999999999"}) {
         SCOPED_TRACE(text);
-        expectContains(catchBadInput([&] { toInteger(makeValue(text), 0, 100); }),
+        expectContains(catchError([&] { toInteger(makeValue(text), 0, 100); }),
                        {"f:1:4: v", text, "out of range", "[0, 100]"});
     }
-    expectContains(catchBadInput([] { toInteger(makeValue("'3'"), 0, 9); }), {"Remove the quotes"});
-    expectContains(catchBadInput([] { toInteger(makeValue("[3]"), 0, 9); }), {"a list of 1"});
+    expectContains(catchError([] { toInteger(makeValue("'3'"), 0, 9); }), {"Remove the quotes"});
+    expectContains(catchError([] { toInteger(makeValue("[3]"), 0, 9); }), {"a list of 1"});
 }
 
 TEST(ConfigValues, FlagsTextsAndChoices) {
@@ -204,30 +203,30 @@ TEST(ConfigValues, FlagsTextsAndChoices) {
     EXPECT_FALSE(toFlag(makeValue("false")));
     for (const char* text : {"yes", "no", "on", "True", "FALSE", "1", "0", "'true'", "[]"}) {
         SCOPED_TRACE(text);
-        expectContains(catchBadInput([&] { toFlag(makeValue(text)); }), {"f:1:4: v", "must be `true` or `false`"});
+        expectContains(catchError([&] { toFlag(makeValue(text)); }), {"f:1:4: v", "must be `true` or `false`"});
     }
     EXPECT_EQ(toText(makeValue("010")), "010");
     EXPECT_EQ(toText(makeValue("''")), "");
-    expectContains(catchBadInput([] { toText(makeValue("{}")); }), {"must be text", "a map"});
+    expectContains(catchError([] { toText(makeValue("{}")); }), {"must be text", "a map"});
     const std::vector<std::string> choices = {"rectangular", "triangular"};
     EXPECT_EQ(toChoice(makeValue("triangular"), choices), "triangular");
-    expectContains(catchBadInput([&] { toChoice(makeValue("triangulr"), choices); }),
+    expectContains(catchError([&] { toChoice(makeValue("triangulr"), choices); }),
                    {"f:1:4: v", "`triangulr`", "Did you mean `triangular`?", "Choices: `rectangular`, `triangular`"});
-    const std::string far = catchBadInput([&] { toChoice(makeValue("x"), choices); });
+    const std::string far = catchError([&] { toChoice(makeValue("x"), choices); });
     EXPECT_EQ(far.find("Did you mean"), std::string::npos) << far;
 }
 
 TEST(ConfigValues, Fault05_WrongSizeAndScalarForList) {
     EXPECT_EQ(toNumbers(makeValue("[1, pi, -2]"), 3, 3), (std::vector<double>{1, kPi, -2}));
     EXPECT_EQ(toNumbers(makeValue("[]"), 0, 3), std::vector<double>{});
-    expectContains(catchBadInput([] { toNumbers(makeValue("[1, 2]"), 3, 3); }),
+    expectContains(catchError([] { toNumbers(makeValue("[1, 2]"), 3, 3); }),
                    {"f:1:4: v", "must be a list of 3 numbers; it is a list of 2"});
-    expectContains(catchBadInput([] { toNumbers(makeValue("[1, 2, 3]"), 1, 2); }), {"1 to 2 numbers", "a list of 3"});
-    expectContains(catchBadInput([] { toNumbers(makeValue("3"), 3, 3); }),
+    expectContains(catchError([] { toNumbers(makeValue("[1, 2, 3]"), 1, 2); }), {"1 to 2 numbers", "a list of 3"});
+    expectContains(catchError([] { toNumbers(makeValue("3"), 3, 3); }),
                    {"must be a list of 3 numbers; it is the single value `3`", "brackets"});
-    expectContains(catchBadInput([] { toNumbers(makeValue("[1, [2], 3]"), 3, 3); }),
+    expectContains(catchError([] { toNumbers(makeValue("[1, [2], 3]"), 3, 3); }),
                    {"f:1:8: v[1]", "must be a number; it is a list of 1"});
-    expectContains(catchBadInput([] { toNumbers(makeValue("[1,, 3]"), 3, 3); }), {"v[1]", "it is empty"});
+    expectContains(catchError([] { toNumbers(makeValue("[1,, 3]"), 3, 3); }), {"v[1]", "it is empty"});
 
     EXPECT_EQ(toJointVector(makeValue("2*pi"), 7), JointVector::Constant(7, 2 * kPi));
     const JointVector values = toJointVector(makeValue("[1, 2, 3]"), 3);
@@ -235,11 +234,11 @@ TEST(ConfigValues, Fault05_WrongSizeAndScalarForList) {
     EXPECT_EQ(values[2], 3.0);
     for (const char* text : {"[1, 2]", "[1, 2, 3, 4]", "[]", "[1]"}) {
         SCOPED_TRACE(text);
-        expectContains(catchBadInput([&] { toJointVector(makeValue(text), 3); }),
+        expectContains(catchError([&] { toJointVector(makeValue(text), 3); }),
                        {"f:1:4: v", "list of 3 numbers, one per joint", "it is a list of "});
     }
-    expectContains(catchBadInput([] { toJointVector(makeValue("{a: 1}"), 3); }), {"a map"});
-    expectContains(catchBadInput([] {
+    expectContains(catchError([] { toJointVector(makeValue("{a: 1}"), 3); }), {"a map"});
+    expectContains(catchError([] {
                        toJointVector(makeValue("[1, -2, 3]"), 3, {0.0, 9.0});
                    }),
                    {"f:1:8: v[1]: -2 is out of range; allowed is [0, 9]"});

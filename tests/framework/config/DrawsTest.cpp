@@ -8,6 +8,7 @@
 #include <functional>
 #include <numeric>
 
+#include "Complaint.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 
@@ -65,18 +66,8 @@ double calcCorrelation(const std::vector<double>& a, const std::vector<double>& 
     return ab / std::sqrt(aa * bb);
 }
 
-std::string findComplaint(const std::string& text) {
-    try {
-        listDraws(parse(text));
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return {};
-}
-
 void expectSays(const std::string& text, const std::vector<std::string>& parts) {
-    const std::string complaint = findComplaint(text);
+    const std::string complaint = test::findComplaint([&] { listDraws(parse(text)); });
     for (const std::string& part : parts)
         EXPECT_NE(complaint.find(part), std::string::npos) << text << "\n" << complaint;
 }

@@ -2,26 +2,20 @@
 #include "viable/config/Settings.h"
 #include "viable/core/Numbers.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <fstream>
 #include <functional>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <stdexcept>
 
+#include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "config/ParameterJson.h"
 #include "host/PluginDescription.h"
 #include "viable/core/Error.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
 
 namespace fs = std::filesystem;
 
@@ -69,18 +63,8 @@ ConfigNode makeBlock(const std::string& text, const std::string& file = "f.yaml"
 Parameters read(const std::string& text, int jointCount = 3) {
     return readParameters(makeBlock(text), kSpecs, kCount, jointCount);
 }
-std::string refuse(const std::function<void()>& action, ErrorKind kind = ErrorKind::BadInput) {
-    try {
-        action();
-    } catch (const Error& error) {
-        EXPECT_EQ(error.kind(), kind) << error.what();
-        return error.what();
-    }
-    ADD_FAILURE() << "no error was thrown";
-    return {};
-}
 std::string refuseBlock(const std::string& text) {
-    return refuse([&] { read(text); });
+    return catchError([&] { read(text); });
 }
 TEST(Parameters, DefaultsFillWhatIsNotWritten) {
     const Parameters p = read("{plugin: x}");
@@ -138,7 +122,7 @@ TEST(Parameters, MissingRequiredParameterIsExplained) {
     const ParameterSpec specs[] = {
         makeRow(ParameterType::Number, "k_alpha", "1/s", nullptr, "Rate of approach to a limit.").above(0)};
     expectContains(
-        refuse([&] { readParameters(makeBlock("{plugin: x}"), specs, 1, 3); }),
+        catchError([&] { readParameters(makeBlock("{plugin: x}"), specs, 1, 3); }),
         {"f.yaml:1:8: block: `k_alpha` [1/s] is missing: Rate of approach to a limit.", "Add `k_alpha: ...`"});
     EXPECT_EQ(readParameters(makeBlock("{k_alpha: 5}"), specs, 1, 3).resolved().find("k_alpha")->text, "5");
 }
@@ -185,24 +169,24 @@ TEST(Parameters, RangeOfIntegersFollowsOpenAndFractionalBounds) {
     const auto readCount = [&](const std::string& text) { return readParameters(makeBlock(text), specs, 2, 3); };
     EXPECT_EQ(readCount("{n: 1}").resolved().find("n")->text, "1");
     EXPECT_EQ(readCount("{n: 4, m: 2}").resolved().find("m")->text, "2");
-    expectContains(refuse([&] { readCount("{n: 0}"); }), {"[1, 4]"});
-    expectContains(refuse([&] { readCount("{n: 5}"); }), {"[1, 4]"});
-    expectContains(refuse([&] { readCount("{n: 1, m: 3}"); }), {"[1, 2]"});
+    expectContains(catchError([&] { readCount("{n: 0}"); }), {"[1, 4]"});
+    expectContains(catchError([&] { readCount("{n: 5}"); }), {"[1, 4]"});
+    expectContains(catchError([&] { readCount("{n: 1, m: 3}"); }), {"[1, 2]"});
 }
 
 TEST(Parameters, DefaultThatDoesNotFitSaysSo) {
     const ParameterSpec specs[] = {makeRow(ParameterType::JointNumbers, "gain", "", "[1, 2, 3, 4, 5, 6]", "Gain.")};
     EXPECT_EQ(readParameters(makeBlock("{}"), specs, 1, 6).resolved().find("gain")->items[5].text, "6");
-    expectContains(refuse([&] { readParameters(makeBlock("{}"), specs, 1, 7); }),
+    expectContains(catchError([&] { readParameters(makeBlock("{}"), specs, 1, 7); }),
                    {"default of gain: block.gain", "list of 7 numbers", "it is a list of 6"});
     const ParameterSpec wrong[] = {makeRow(ParameterType::Number, "k", "", "-1", "K.").above(0)};
-    expectContains(refuse([&] { readParameters(makeBlock("{}"), wrong, 1, 7); }),
+    expectContains(catchError([&] { readParameters(makeBlock("{}"), wrong, 1, 7); }),
                    {"default of k: block.k: -1 is out of range"});
     EXPECT_EQ(readParameters(makeBlock("{k: 2}"), wrong, 1, 7).resolved().find("k")->text, "2");
 }
 
 TEST(Parameters, FilesStartInTheFolderOfTheFileThatNamesThem) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     fs::create_directories(folder.path() / "maps");
     fs::create_directories(folder.path() / "experiments");
     std::ofstream(folder.path() / "maps" / "floor.bt") << "x";
@@ -237,10 +221,10 @@ TEST(Parameters, FilesStartInTheFolderOfTheFileThatNamesThem) {
 }
 
 TEST(Parameters, Fault11_FileMissingFolderOrDanglingLink) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::string experiment = (folder.path() / "e.yaml").string();
     const auto refuseFile = [&](const std::string& name) {
-        return refuse([&] { readParameters(makeBlock("{map: " + name + "}", experiment), kSpecs, kCount, 3); });
+        return catchError([&] { readParameters(makeBlock("{map: " + name + "}", experiment), kSpecs, kCount, 3); });
     };
     fs::create_directories(folder.path() / "sub");
     fs::create_symlink("nowhere", folder.path() / "dangling.bt");
@@ -253,7 +237,7 @@ TEST(Parameters, Fault11_FileMissingFolderOrDanglingLink) {
     expectContains(refuseFile("/dev/null"), {"is no regular file"});
     expectContains(refuseFile("[a]"), {"must be text"});
     const ParameterSpec required[] = {makeRow(ParameterType::File, "poses", "", nullptr, "Recorded motion.")};
-    expectContains(refuse([&] { readParameters(makeBlock("{poses: ''}"), required, 1, 3); }),
+    expectContains(catchError([&] { readParameters(makeBlock("{poses: ''}"), required, 1, 3); }),
                    {"block.poses", "is empty"});
 }
 
@@ -268,15 +252,15 @@ struct Misspelt {
 
 TEST(Parameters, MistakesOfThePluginAreItsOwn) {
     const Parameters p = read("{}");
-    expectContains(refuse([&] { p.get<Misspelt>(); }, ErrorKind::PluginFailed),
+    expectContains(catchError([&] { p.get<Misspelt>(); }, ErrorKind::PluginFailed),
                    {"f.yaml:1:8: block", "`gama`, which it does not declare"});
-    expectContains(refuse([&] { p.place("x"); }, ErrorKind::PluginFailed), {"`x`"});
+    expectContains(catchError([&] { p.place("x"); }, ErrorKind::PluginFailed), {"`x`"});
     const ParameterSpec twice[] = {makeRow(ParameterType::Flag, "a", "", "true", ""),
                                    makeRow(ParameterType::Flag, "a", "", "true", "")};
-    expectContains(refuse([&] { readParameters(makeBlock("{}"), twice, 2, 3); }, ErrorKind::PluginFailed),
+    expectContains(catchError([&] { readParameters(makeBlock("{}"), twice, 2, 3); }, ErrorKind::PluginFailed),
                    {"`a` twice"});
     const ParameterSpec reserved[] = {makeRow(ParameterType::Text, "plugin", "", "x", "")};
-    expectContains(refuse([&] { readParameters(makeBlock("{}"), reserved, 1, 3); }, ErrorKind::PluginFailed),
+    expectContains(catchError([&] { readParameters(makeBlock("{}"), reserved, 1, 3); }, ErrorKind::PluginFailed),
                    {"named `plugin`"});
 }
 
@@ -374,7 +358,7 @@ TEST(Settings, OneLineIsReadCheckedToldAndInTheSchema) {
     EXPECT_EQ(readGrip("{force_N: 60}").get<Grip>().force_N, 60.0);
     EXPECT_EQ(readGrip("{}").get<Grip>().force_N, 40.0);
     EXPECT_EQ(readGrip("{}").resolved().find("force_N")->text, "40");
-    expectContains(refuse([&] { readGrip("{force_N: 200}"); }),
+    expectContains(catchError([&] { readGrip("{force_N: 200}"); }),
                    {"f.yaml:1:18: block.force_N: 200 is out of range; allowed is (0, 140]"});
     EXPECT_EQ(describeParameters(rows.data(), 1),
               "  force_N [N]: number in (0, 140]; default 40\n      How hard the gripper closes.\n");
@@ -429,7 +413,7 @@ TEST(Settings, BlocksListsAndNamesAreReadAsOne) {
     ASSERT_EQ(hands[1].fingers.size(), 2u);
     EXPECT_EQ(hands[1].fingers[0].force_N, 5.0);
 
-    const auto refuseHands = [&](const std::string& text) { return refuse([&] { readHands(text); }); };
+    const auto refuseHands = [&](const std::string& text) { return catchError([&] { readHands(text); }); };
     expectContains(refuseHands("{}"), {"`hands` is missing: By name.", "Add `hands: ...` (blocks by name) here"});
     expectContains(refuseHands("{hands: [1]}"), {"no hands by name", "{NAME: {...}, ...}"});
     expectContains(refuseHands("{hands: {a: {fingers: {}}}}"), {"hands.a.fingers", "fingers must be a list; it is"});
@@ -442,4 +426,4 @@ TEST(Settings, BlocksListsAndNamesAreReadAsOne) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

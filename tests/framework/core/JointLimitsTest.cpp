@@ -1,19 +1,14 @@
 #include "viable/core/JointLimits.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <functional>
 #include <limits>
 
+#include "Complaint.h"
 #include "ExpectContains.h"
 #include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
 
 const std::vector<std::string> kNames = {"shoulder", "elbow", "wrist"};
 
@@ -27,14 +22,7 @@ JointLimits makeLimits() {
 }
 
 std::string refuse(const JointLimits& limits, double tick_s = 1e-3, bool allowLargeAngles = false) {
-    try {
-        checkLimits(limits, tick_s, allowLargeAngles, "f.yaml:3:9: limits", kNames);
-    } catch (const Error& error) {
-        EXPECT_EQ(error.kind(), ErrorKind::BadInput);
-        return error.what();
-    }
-    ADD_FAILURE() << "no error was thrown";
-    return {};
+    return catchError([&] { checkLimits(limits, tick_s, allowLargeAngles, "f.yaml:3:9: limits", kNames); });
 }
 
 struct Group {
@@ -253,4 +241,4 @@ TEST(JointLimits, AreUsableSaysWhatCheckLimitsSays) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -8,14 +8,12 @@
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <functional>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "TemporaryFolder.h"
@@ -43,17 +41,10 @@ extern "C" int renameat2(int fromFolder, const char* from, int toFolder, const c
     return -1;
 }
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::vector<std::string> listNames(const fs::path& folder) {
-    std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename());
-    std::sort(names.begin(), names.end());
-    return names;
-}
 
 /** Runs `work` in a process that is then killed with kill -9. */
 void killAfter(const std::function<void()>& work) {
@@ -68,7 +59,7 @@ void killAfter(const std::function<void()>& work) {
 }
 
 TEST(WholeFile, Fault73_AKilledWriterLeavesNothingBehind) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const int probe = ::open(folder.path().c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0666);
     if (probe < 0) GTEST_SKIP() << "the file system of " << folder.path() << " has no files without names";
     ::close(probe);
@@ -83,7 +74,7 @@ TEST(WholeFile, Fault73_AKilledWriterLeavesNothingBehind) {
 }
 
 TEST(WholeFile, TakesItsNameAtTheEndWithTheRightsOfNewFiles) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const mode_t before = umask(027);
     for (const bool isReplacing : {false, true}) {
         const fs::path target = folder / (isReplacing ? "replacing" : "new");
@@ -104,7 +95,7 @@ TEST(WholeFile, TakesItsNameAtTheEndWithTheRightsOfNewFiles) {
 }
 
 TEST(WholeFile, WhatAppearsMeanwhileIsNotOverwritten) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     {
         detail::WholeFile file(folder / "name");
         file.write("mine");
@@ -134,7 +125,7 @@ TEST(WholeFile, WithoutHardLinksItIsWholeAllTheSame) {
         for (const bool knowsNoReplace : {true, false})
             for (const bool isReplacing : {false, true}) {
                 SCOPED_TRACE(testing::Message() << code << knowsNoReplace << isReplacing);
-                const test::TemporaryFolder folder;
+                const TemporaryFolder folder;
                 const PoorFileSystem poor(code, knowsNoReplace);
                 if (isReplacing) folder.write("name", "old");
                 const std::string text(200000, 'x');
@@ -150,7 +141,7 @@ TEST(WholeFile, WithoutHardLinksItIsWholeAllTheSame) {
 
 TEST(WholeFile, WithoutHardLinksNothingIsOverwrittenOrLeftHalf) {
     for (const bool knowsNoReplace : {true, false}) {
-        const test::TemporaryFolder folder;
+        const TemporaryFolder folder;
         const PoorFileSystem poor(EPERM, knowsNoReplace);
         {
             detail::WholeFile file(folder / "name");
@@ -161,7 +152,7 @@ TEST(WholeFile, WithoutHardLinksNothingIsOverwrittenOrLeftHalf) {
         EXPECT_EQ(readWhole(folder / "name"), "theirs");
         EXPECT_EQ(listNames(folder.path()), std::vector<std::string>{"name"});
     }
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const PoorFileSystem poor(EPERM, true);
     const auto before = std::signal(SIGXFSZ, SIG_IGN);
     rlimit usual{};
@@ -179,4 +170,4 @@ TEST(WholeFile, WithoutHardLinksNothingIsOverwrittenOrLeftHalf) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

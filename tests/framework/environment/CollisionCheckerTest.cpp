@@ -8,7 +8,7 @@
 #include "EnvironmentSupport.h"
 #include "viable/robot/RobotModel.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 /** An arm of the project with a capsule from each joint to the next. */
@@ -82,7 +82,7 @@ double calcPointDistance(const Solid& solid, const Eigen::Vector3d& p) {
     const Eigen::Vector3d local = solid.pose.inverse() * p;
     switch (solid.kind) {
         case Solid::Kind::Box:
-            return test::calcBoxDistance(local, 0.5 * solid.size);
+            return calcBoxDistance(local, 0.5 * solid.size);
         case Solid::Kind::Sphere:
             return std::max(0.0, local.norm() - solid.radius);
         case Solid::Kind::Cylinder:
@@ -278,12 +278,12 @@ struct MappedScene {
         }
         tree.updateInnerOccupancy();
         tree.prune();
-        test::store(folder / "map.bt", test::writeBinary(tree));
-        environment.map = test::chooseMap(folder / "map.bt");
-        environment.map->pose = test::makeOddPose();
+        store(folder / "map.bt", writeBinary(tree));
+        environment.map = chooseMap(folder / "map.bt");
+        environment.map->pose = makeOddPose();
         environment.map->unknown = unknown;
     }
-    test::TemporaryFolder folder;
+    TemporaryFolder folder;
     Environment environment;
 };
 
@@ -345,7 +345,7 @@ TEST(CollisionChecker, IsFastEnoughForEveryTickOfARun) {
     for (int i = 0; i < 10; ++i) {
         Solid solid;
         solid.kind = i % 2 ? Solid::Kind::Box : Solid::Kind::Cylinder;
-        solid.pose = test::makeOddPose();
+        solid.pose = makeOddPose();
         solid.pose.translation() += Eigen::Vector3d(place(random), place(random), place(random));
         solid.size << 0.3, 0.2, 0.1;
         solid.radius = 0.1;
@@ -371,4 +371,4 @@ TEST(CollisionChecker, IsFastEnoughForEveryTickOfARun) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -8,15 +8,13 @@
 #include "EnvironmentSupport.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::chooseMap;
 
 /** A map in memory by way of a file. */
 OccupancyMap makeMap(octomap::OcTree tree) {
-    test::TemporaryFolder folder;
-    test::store(folder / "map.bt", test::writeBinary(tree));
+    TemporaryFolder folder;
+    store(folder / "map.bt", writeBinary(tree));
     return OccupancyMap(chooseMap(folder / "map.bt"));
 }
 
@@ -31,7 +29,7 @@ std::vector<OccupancyMap::Cell> listCells(const OccupancyMap& map, bool withUnkn
 double calcTrueDistance(const std::vector<OccupancyMap::Cell>& cells, const Eigen::Vector3d& p) {
     double least = std::numeric_limits<double>::infinity();
     for (const OccupancyMap::Cell& cell : cells)
-        least = std::min(least, test::calcBoxDistance(p - cell.centre, Eigen::Vector3d::Constant(0.5 * cell.edge)));
+        least = std::min(least, calcBoxDistance(p - cell.centre, Eigen::Vector3d::Constant(0.5 * cell.edge)));
     return least;
 }
 
@@ -73,9 +71,9 @@ FieldError measure(const DistanceField& field, const std::vector<OccupancyMap::C
 
 TEST(DistanceField, NeverAboveTheTruthAndNotFarBelow) {
     const Eigen::Vector3d lower(-0.45, -0.5, -0.4), upper(0.5, 0.45, 0.43);
-    for (const Eigen::Isometry3d& pose : {Eigen::Isometry3d::Identity(), test::makeOddPose()})
+    for (const Eigen::Isometry3d& pose : {Eigen::Isometry3d::Identity(), makeOddPose()})
         for (const double cell : {0.01, 0.02, 0.05}) {
-            const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 60, 0.5, 21));
+            const OccupancyMap map = makeMap(makeRandomTree(0.04, 60, 0.5, 21));
             const double reach = 0.3;
             const DistanceField field(map, UnknownSpace::Free, pose, lower, upper, cell, reach, "here");
             const auto cells = listCells(map, false, Eigen::Vector3d::Zero(), 2.0);
@@ -160,9 +158,9 @@ TEST(DistanceField, Fault59_NoNumberAndFarPlacesAreNeverFree) {
 }
 
 TEST(DistanceField, GradientIsTheDirectionOfTheDistance) {
-    const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 30, 0.5, 22));
+    const OccupancyMap map = makeMap(makeRandomTree(0.04, 30, 0.5, 22));
     const Eigen::Vector3d lower(-0.4, -0.4, -0.4), upper(0.4, 0.4, 0.4);
-    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), lower, upper, 0.02, 0.5, "here");
+    const DistanceField field(map, UnknownSpace::Free, makeOddPose(), lower, upper, 0.02, 0.5, "here");
     std::mt19937 random(6);
     std::uniform_real_distribution<double> place(-0.39, 0.39);
     int compared = 0;
@@ -189,9 +187,9 @@ TEST(DistanceField, GradientIsTheDirectionOfTheDistance) {
 }
 
 TEST(DistanceField, IsContinuousAcrossTheGrid) {
-    const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 30, 0.5, 23));
+    const OccupancyMap map = makeMap(makeRandomTree(0.04, 30, 0.5, 23));
     const Eigen::Vector3d corner(0.4, 0.4, 0.4);
-    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), -corner, corner, 0.02, 0.5, "here");
+    const DistanceField field(map, UnknownSpace::Free, makeOddPose(), -corner, corner, 0.02, 0.5, "here");
     std::mt19937 random(7);
     std::uniform_real_distribution<double> place(-0.39, 0.39);
     for (int i = 0; i < 300; ++i) {
@@ -227,9 +225,9 @@ TEST(DistanceField, TooManyCellsAreRefusedWithTheirPlace) {
 TEST(DistanceField, AQueryAllocatesNothing) {
     using testing::AllocationCounter;
     if (!AllocationCounter::isAvailable()) GTEST_SKIP() << AllocationCounter::whyNot();
-    const OccupancyMap map = makeMap(test::makeRandomTree(0.04, 30, 0.5, 22));
+    const OccupancyMap map = makeMap(makeRandomTree(0.04, 30, 0.5, 22));
     const Eigen::Vector3d corner(0.4, 0.4, 0.4);
-    const DistanceField field(map, UnknownSpace::Free, test::makeOddPose(), -corner, corner, 0.02, 0.5, "here");
+    const DistanceField field(map, UnknownSpace::Free, makeOddPose(), -corner, corner, 0.02, 0.5, "here");
     Eigen::Vector3d gradient;
     double sum = 0.0;
     AllocationCounter counter;
@@ -260,7 +258,7 @@ TEST(DistanceField, RealBuilding) {
         const OccupancyMap::Cell& cell = all[random() % all.size()];
         base = cell.centre + Eigen::Vector3d(0.5, 0.0, 0.2);
     } while (map.getOccupancy(base) != OccupancyMap::Occupancy::Free);
-    Eigen::Isometry3d pose = test::makeOddPose();
+    Eigen::Isometry3d pose = makeOddPose();
     pose.translation() = -(pose.linear() * base);
     const Eigen::Vector3d corner(1.0, 1.0, 1.0);
     for (const UnknownSpace unknown : {UnknownSpace::Free, UnknownSpace::Occupied}) {
@@ -278,4 +276,4 @@ TEST(DistanceField, RealBuilding) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -3,12 +3,10 @@
 #include <gtest/gtest.h>
 #include <octomap/OcTree.h>
 
-#include <filesystem>
-#include <fstream>
 #include <random>
 #include <sstream>
-#include <string>
 
+#include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "environment/OccupancyMap.h"
 #include "viable/core/Error.h"
@@ -25,13 +23,7 @@ inline MapChoice chooseMap(const std::filesystem::path& file) {
 
 /** What reading complains about; empty when it does not. */
 inline std::string findMapFault(const MapChoice& choice) {
-    try {
-        const OccupancyMap map(choice);
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return {};
+    return findComplaint([&] { OccupancyMap map(choice); });
 }
 
 /** A tree of `count` random occupied and as many free cells within `reach` of the origin, pruned. */

@@ -1,23 +1,18 @@
 #include <chrono>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <vector>
 
 #include "EnvironmentSupport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::chooseMap;
-using test::findMapFault;
-using test::store;
 
 /** A map of both file kinds, and its bytes. */
 struct MapFiles {
-    MapFiles() : tree(test::makeRandomTree(0.05, 400, 0.6, 11)) {
-        binary = test::writeBinary(tree);
-        full = test::writeFull(tree);
+    MapFiles() : tree(makeRandomTree(0.05, 400, 0.6, 11)) {
+        binary = writeBinary(tree);
+        full = writeFull(tree);
     }
     const std::string& bytes(const std::string& extension) const { return extension == ".bt" ? binary : full; }
     std::string findFault(const std::string& extension, const std::string& content,
@@ -30,7 +25,7 @@ struct MapFiles {
     }
     octomap::OcTree tree;
     std::string binary, full;
-    test::TemporaryFolder folder;
+    TemporaryFolder folder;
 };
 
 TEST(OccupancyMap, SaysOfEveryPlaceWhatOctoMapSays) {
@@ -61,7 +56,7 @@ TEST(OccupancyMap, EmptyMapKnowsNothing) {
     MapFiles files;
     octomap::OcTree nothing(0.1);
     for (const std::string extension : {".bt", ".ot"}) {
-        const std::string bytes = extension == ".bt" ? test::writeBinary(nothing) : test::writeFull(nothing);
+        const std::string bytes = extension == ".bt" ? writeBinary(nothing) : writeFull(nothing);
         ASSERT_EQ(files.findFault(extension, bytes), "");
         const OccupancyMap map(chooseMap(files.folder / ("map" + extension)));
         EXPECT_EQ(map.getOccupancy({0, 0, 0}), OccupancyMap::Occupancy::Unknown);
@@ -223,4 +218,4 @@ TEST(OccupancyMap, Fault59_NoNumberAndFarPlacesAreUnknown) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

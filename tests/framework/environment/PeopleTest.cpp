@@ -1,20 +1,17 @@
 #include "viable/environment/People.h"
 
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <cmath>
 #include <limits>
 #include <thread>
 
+#include "Complaint.h"
 #include "ExpectContains.h"
 #include "viable/core/Error.h"
 #include "viable/environment/Environment.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
 
 std::vector<Person> readThem(const std::string& text) {
     const ConfigNode root = parseConfig("environment:\n  people:\n" + text, "experiment.yaml");
@@ -22,13 +19,7 @@ std::vector<Person> readThem(const std::string& text) {
 }
 
 std::string complainOfFile(const std::string& text) {
-    try {
-        readThem(text);
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return {};
+    return findComplaint([&] { readThem(text); });
 }
 
 constexpr char kWalk[] = "walk: [{time_s: 1, xyz: [2, 0, 0]}, {time_s: 3, xyz: [1, 0, 0]}]";
@@ -212,4 +203,4 @@ TEST(PeopleFeed, WhatIsTakenIsWhole) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -7,7 +7,7 @@
 #include "EnvironmentSupport.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 const Eigen::Vector3d kCorner(1.0, 1.0, 1.0);
@@ -17,7 +17,7 @@ Environment makeSolids() {
         Solid solid;
         solid.name = name;
         solid.kind = kind;
-        solid.pose = test::makeOddPose();
+        solid.pose = makeOddPose();
         solid.pose.translation() += shift;
         return solid;
     };
@@ -169,16 +169,16 @@ TEST(Surroundings, Fault60_MovingSpheresCountWithAllThatIsLeftOfTheirPath) {
 }
 
 TEST(Surroundings, AMapIsReadOnceAndAnewWhenAnythingIsOther) {
-    test::TemporaryFolder folder;
+    TemporaryFolder folder;
     const auto write = [&](double side) {
         octomap::OcTree tree(0.05);
         tree.updateNode(side * 0.325, side * 0.025, side * 0.025, true);
         tree.updateNode(side * 0.325, side * 0.025, side * 0.325, true);
-        test::store(folder / "map.bt", test::writeBinary(tree));
+        store(folder / "map.bt", writeBinary(tree));
     };
     write(1.0);
     Environment environment;
-    environment.map = test::chooseMap(folder / "map.bt");
+    environment.map = chooseMap(folder / "map.bt");
     environment.map->unknown = UnknownSpace::Free;
     const auto make = [&] { return std::make_unique<Surroundings>(environment, -kCorner, kCorner, 0.5); };
     const auto first = make();
@@ -211,12 +211,12 @@ TEST(Surroundings, AMapIsReadOnceAndAnewWhenAnythingIsOther) {
 }
 
 TEST(Surroundings, MapAndSolidsTogether) {
-    test::TemporaryFolder folder;
+    TemporaryFolder folder;
     octomap::OcTree tree(0.05);
     tree.updateNode(0.325, 0.025, 0.025, true);
-    test::store(folder / "map.bt", test::writeBinary(tree));
+    store(folder / "map.bt", writeBinary(tree));
     Environment environment = makeSolids();
-    environment.map = test::chooseMap(folder / "map.bt");
+    environment.map = chooseMap(folder / "map.bt");
     environment.map->unknown = UnknownSpace::Free;
     environment.spheres = {makeVisitor(false)};
     const Surroundings surroundings(environment, -kCorner, kCorner, 0.5);
@@ -356,4 +356,4 @@ TEST(SurroundingsFeed, Fault61_AMillionTakesSeeRisingVersionsAndWholeObjects) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -9,14 +9,11 @@
 #include <algorithm>
 #include <cfenv>
 #include <clocale>
-#include <cstdlib>
-#include <fstream>
 #include <iterator>
 #include <limits>
 #include <locale>
 #include <map>
 #include <optional>
-#include <stdexcept>
 #include <typeinfo>
 
 #include "TemporaryFolder.h"
@@ -27,15 +24,13 @@
 #include <xmmintrin.h>
 #endif
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 namespace fs = std::filesystem;
 
 const fs::path kBroken = VIABLE_BROKEN_PLUGIN_DIR;
 const std::string kWhere = "demo.yaml:7:11: filter.plugin";
-
-using test::TemporaryFolder;
 
 /** An environment variable with another value until the end of the scope. */
 class ScopedVariable {
@@ -822,4 +817,4 @@ TEST(PluginLoader, Fault50_ConstructorThatChangesRoundingIsRefusedAndUndone) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,13 +1,13 @@
 #include <gtest/gtest.h>
 
-#include <functional>
-
+#include "Complaint.h"
+#include "ExpectContains.h"
 #include "limits/LimitRows.h"
 #include "log/LimitKinds.h"
 #include "log/LogFields.h"
 #include "viable/limits/ArmLimit.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 TEST(LimitSet, IsASetOfKinds) {
@@ -40,16 +40,6 @@ bool isLimit(const std::string& name) {
     for (const LimitKind kind : listArmLimits())
         if (name == getName(kind, LimitSide::Neither)) return true;
     return false;
-}
-
-std::string errorOf(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return "";
 }
 
 class Nothing : public ArmLimit {
@@ -99,9 +89,8 @@ TEST(LimitRows, AKindIsCountedByTheFirstRowThatCanCountIt) {
     EXPECT_EQ(getLimitRow(named).kept, "one");
     EXPECT_EQ(detail::findLimitLibraries(named), (std::set<std::string>{"/one.so", "/two.so"}));
     row.make = [](const LimitScene&) -> std::unique_ptr<ArmLimit> { return nullptr; };
-    EXPECT_NE(errorOf([&] { addLimit("read_from_a_log", "m", row); }).find("it is counted by /one.so already"),
-              std::string::npos);
-    EXPECT_NE(errorOf([] { addLimit("read_from_a_log", "cm", {}); }).find("the unit 'm' here already, not 'cm'"),
+    expectContains(catchError([&] { addLimit("read_from_a_log", "m", row); }), {"it is counted by /one.so already"});
+    EXPECT_NE(catchError([] { addLimit("read_from_a_log", "cm", {}); }).find("the unit 'm' here already, not 'cm'"),
               std::string::npos);
     EXPECT_EQ(addLimit("speed", "m/s", {}), LimitKind::Speed);
     EXPECT_EQ(getLimitRow(LimitKind::Speed).kept, "speed limits kept");
@@ -146,29 +135,26 @@ TEST(LimitRows, ALogTellsItsReaderOfKindsThatOthersHaveAdded) {
     later.replace(later.find(columns), columns.size(), "\"brand\":1," + columns + "[\"far_m\",\"farthest\"],");
     readLimitKinds(later);
     EXPECT_EQ(&getLimitRow(gap), &read);
-    EXPECT_NE(errorOf([] { readLimitKinds(R"({"gap": "mm"})"); }).find("has it in 'mm', here it is in 'm'"),
-              std::string::npos);
+    expectContains(catchError([] { readLimitKinds(R"({"gap": "mm"})"); }), {"has it in 'mm', here it is in 'm'"});
     for (const char* name : {"motor", "position"}) EXPECT_FALSE(isLimit(name));
 }
 
 TEST(LimitRows, NamesThatCannotBeAreRefused) {
-    EXPECT_NE(errorOf([] { addLimit("Sway", "", {}); }).find("is no word of small letters"), std::string::npos);
-    EXPECT_NE(errorOf([] { addLimit("", "", {}); }).find("is no word of small letters"), std::string::npos);
-    EXPECT_NE(errorOf([] { addLimit("jerk", "rad/s^3", {}); }).find("that is a limit of the joints"),
-              std::string::npos);
+    expectContains(catchError([] { addLimit("Sway", "", {}); }), {"is no word of small letters"});
+    expectContains(catchError([] { addLimit("", "", {}); }), {"is no word of small letters"});
+    expectContains(catchError([] { addLimit("jerk", "rad/s^3", {}); }), {"that is a limit of the joints"});
     for (const LogChannel* channel : listLogChannels())
         if (!isLimit(channel->name)) {
-            EXPECT_NE(errorOf([&] { addLimit(channel->name, "", {}); }).find("is the name of a channel of the log"),
+            EXPECT_NE(catchError([&] { addLimit(channel->name, "", {}); }).find("is the name of a channel of the log"),
                       std::string::npos);
         }
-    EXPECT_NE(errorOf([] { addLimit("collisions", "", {}); }).find("is the name of another limit's block"),
-              std::string::npos);
+    expectContains(catchError([] { addLimit("collisions", "", {}); }), {"is the name of another limit's block"});
 }
 
 TEST(LimitRows, WhereThereIsNoRoomForOneMoreItIsSaid) {
     std::string error;
     for (int k = 0; k < kMostLimitKinds && error.empty(); ++k)
-        error = errorOf([&] { addLimit("more_" + std::to_string(k), "m", {}); });
+        error = catchError([&] { addLimit("more_" + std::to_string(k), "m", {}); });
     EXPECT_NE(error.find("there is no room for it beside 11 others"), std::string::npos) << error;
     EXPECT_EQ(countLimitKinds(), kMostLimitKinds);
     int count = static_cast<int>(kFirstArmLimit);
@@ -177,4 +163,4 @@ TEST(LimitRows, WhereThereIsNoRoomForOneMoreItIsSaid) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -3,11 +3,8 @@
 #include <signal.h>
 #include <sys/wait.h>
 
-#include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <random>
@@ -18,7 +15,7 @@
 #include "Effort.h"
 #include "viable/link/viable_link_linux.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 constexpr int kJoints = 7;
@@ -474,7 +471,7 @@ TEST(Link, AHelloThatIsReplayedTakesNothingFromTheHost) {
 /** Whatever comes, is lost or comes late: from one tick to the next no torque changes by more than torque_step, nor into the
 robot's own hold, out of it, and through nonsense of its own. */
 TEST(Fault83, NoTorqueStepsFartherThanTheRobotAllows) {
-    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(4)));
+    std::mt19937_64 random(static_cast<std::uint64_t>(getSeed(4)));
     std::uniform_real_distribution<double> number(-60.0, 60.0), share(0.0, 1.0);
     const double step = 0.75, limit = 50.0;
     Pair pair;
@@ -487,7 +484,7 @@ TEST(Fault83, NoTorqueStepsFartherThanTheRobotAllows) {
     Packet late;
     int driven = 0, held = 0, lapses = 0;
     double largest = 0.0;
-    for (int k = 0; k < test::countOf(50000); ++k) {
+    for (int k = 0; k < countOf(50000); ++k) {
         std::vector<double> tau(kJoints, 0.0);
         vl_mode mode = vl_robot_tick(&pair.robot, tau.data());
         if (mode == VL_TORQUE) {
@@ -520,9 +517,9 @@ TEST(Fault83, NoTorqueStepsFartherThanTheRobotAllows) {
     }
     EXPECT_LE(largest, step * (1.0 + 1e-12));
     EXPECT_GT(largest, 0.999 * step);
-    EXPECT_GT(driven, test::countOf(5000));
-    EXPECT_GT(held, test::countOf(500));
-    EXPECT_GT(lapses, test::countOf(100));
+    EXPECT_GT(driven, countOf(5000));
+    EXPECT_GT(held, countOf(500));
+    EXPECT_GT(lapses, countOf(100));
 }
 
 TEST(Fault84, ARobotThatStartedAnewIsAnotherOne) {
@@ -539,7 +536,7 @@ TEST(Fault84, ARobotThatStartedAnewIsAnotherOne) {
 /** 1e5 packets, each a good one with 1 to 8 bytes changed, cut off, longer, or nothing but chance: whatever the other bytes
 are, nothing acts. */
 TEST(Fault83, AHundredThousandMutatedPacketsChangeNothing) {
-    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(1)));
+    std::mt19937_64 random(static_cast<std::uint64_t>(getSeed(1)));
     for (const vl_key& key : {vl_key{}, makeKey()}) {
         Pair pair(key);
         pair.connect();
@@ -585,7 +582,7 @@ TEST(Fault83, AHundredThousandMutatedPacketsChangeNothing) {
 /** A line that loses, delays, doubles and reorders, for 20 s of ticks: the torque that acts is never older than allowed, and
 every tick that the host has not heard of is counted as lost. */
 TEST(Fault83, OnABadLineNoTorqueIsOlderThanAllowed) {
-    std::mt19937_64 random(static_cast<std::uint64_t>(test::getSeed(2)));
+    std::mt19937_64 random(static_cast<std::uint64_t>(getSeed(2)));
     Pair pair;
     pair.connect();
     std::vector<std::pair<std::uint64_t, Packet>> toHost, toRobot;  // when, what
@@ -980,4 +977,4 @@ TEST(Fault86, AKilledRobotGivesItsSharedMemoryToTheNextOne) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,16 +1,11 @@
 #include "log/LogSeries.h"
 
-#include <gtest/gtest.h>
-
 #include "LogTestSupport.h"
-#include "TemporaryFolder.h"
 #include "log/Recorder.h"
-#include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using test::TemporaryFolder;
 namespace fs = std::filesystem;
 
 LogLayout makeSmallLayout() {
@@ -21,7 +16,7 @@ LogLayout makeSmallLayout() {
 }
 
 std::vector<TickRecord> makeSmallRows(int count) {
-    test::RecordMaker maker(makeSmallLayout(), 5);
+    RecordMaker maker(makeSmallLayout(), 5);
     std::vector<TickRecord> rows;
     for (int k = 0; k < count; ++k) rows.push_back(maker.make(0.001 * k));
     return rows;
@@ -29,19 +24,19 @@ std::vector<TickRecord> makeSmallRows(int count) {
 
 TEST(LogSeries, WithoutALimitIsOneFile) {
     const TemporaryFolder folder;
-    LogSeries series(folder / "A.mcap", test::makeOpening(makeSmallLayout()), 0);
+    LogSeries series(folder / "A.mcap", makeOpening(makeSmallLayout()), 0);
     for (const TickRecord& row : makeSmallRows(3000)) series.append(row);
     series.finish();
     EXPECT_EQ(series.status().rows, 3000u);
     EXPECT_FALSE(fs::exists(folder / "A.part2.mcap"));
     LogReader reader(folder / "A.mcap");
-    EXPECT_EQ(test::readAll(reader).size(), 3000u);
+    EXPECT_EQ(readAll(reader).size(), 3000u);
 }
 
 TEST(LogSeries, EachFileIsALogTheNewestStayAndTheLimitHolds) {
     const TemporaryFolder folder;
     constexpr std::uint64_t kLimit = 8 << 20;
-    LogSeries series(folder / "A.mcap", test::makeOpening(makeSmallLayout()), kLimit);
+    LogSeries series(folder / "A.mcap", makeOpening(makeSmallLayout()), kLimit);
     const std::vector<TickRecord> rows = makeSmallRows(500);
     int appended = 0;
     std::uint64_t most = 0;
@@ -73,7 +68,7 @@ TEST(LogSeries, EachFileIsALogTheNewestStayAndTheLimitHolds) {
         ++files;
         LogReader reader(file);
         EXPECT_TRUE(reader.isComplete());
-        for (const TickRecord& row : test::readAll(reader)) {
+        for (const TickRecord& row : readAll(reader)) {
             if (next >= 0.0) {
                 ASSERT_NEAR(row.time_s, next, 1e-9) << file;
             }
@@ -89,7 +84,7 @@ TEST(LogSeries, GoesOnWhereTheDiskTakesFilesAgain) {
     const TemporaryFolder folder;
     fs::create_directory(folder / "disk");
     constexpr std::uint64_t kLimit = 8 << 20;
-    LogSeries series(folder / "disk" / "A.mcap", test::makeOpening(makeSmallLayout()), kLimit);
+    LogSeries series(folder / "disk" / "A.mcap", makeOpening(makeSmallLayout()), kLimit);
     const std::vector<TickRecord> rows = makeSmallRows(500);
     int appended = 0;
     const auto append = [&](int count) {
@@ -111,10 +106,10 @@ TEST(LogSeries, GoesOnWhereTheDiskTakesFilesAgain) {
     bool isFound = false;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder / "disk")) {
         LogReader reader(entry.path());
-        isFound |= !test::readAll(reader).empty();
+        isFound |= !readAll(reader).empty();
     }
     EXPECT_TRUE(isFound);
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -11,10 +11,9 @@
 #include "log/LogFields.h"
 #include "records/McapFile.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using namespace test;
 using Space = MotionCommand::Space;
 
 bool contains(const std::string& text, const std::string& part) {
@@ -743,4 +742,4 @@ TEST(LogFields, TheOldWordForRecoveringIsRead) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

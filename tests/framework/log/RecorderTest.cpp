@@ -7,16 +7,14 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
 #include <thread>
 
 #include "LogTestSupport.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using namespace test;
 using viable::testing::AllocationCounter;
 
 using Space = MotionCommand::Space;
@@ -281,4 +279,4 @@ TEST_F(RecorderTest, Fault72_AnErrorOnClosingIsNotLost) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

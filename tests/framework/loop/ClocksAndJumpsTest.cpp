@@ -1,7 +1,5 @@
 // Clocks that jitter, stand or jump, and targets that jump.
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

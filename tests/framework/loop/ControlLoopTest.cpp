@@ -1,23 +1,14 @@
 #include "loop/ControlLoop.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <memory>
 
 #include "CaseSupport.h"
-#include "viable/core/Error.h"
 #include "viable/plugin/HostServices.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::allFinite;
-using test::kOneJoint;
-using test::kTeleoperation;
-using test::runUntilStopped;
-using test::TestLoop;
 
 TEST(ControlLoop, TheNominalArmAdvancesByExactlyTheConfiguredTick) {
     TestLoop t(kOneJoint);
@@ -204,7 +195,7 @@ public:
 /** A loop of one joint around the plugins above. */
 struct ScriptedLoop {
     explicit ScriptedLoop(bool hasPlant)
-        : experiment(test::readTestExperiment(kOneJoint, {})), configured(configureCase(experiment.cases.front())) {
+        : experiment(readTestExperiment(kOneJoint, {})), configured(configureCase(experiment.cases.front())) {
         configured->plugins.controller = lend<NominalController>(controller);
         if (hasPlant) {
             configured->plugins.robustLoop = lend<RobustLoop>(robustLoop);
@@ -317,8 +308,7 @@ TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
     ScriptedLoop outside(true);
     const double limit = outside.configured->setup.limits.position.upper[0];
     outside.plant.standsOff = limit + 0.1 - outside.configured->setup.start.q[0];
-    EXPECT_NE(test::catchError([&] { outside.start(); }).find("beyond the nominal arm's position limit"),
-              std::string::npos);
+    EXPECT_NE(catchError([&] { outside.start(); }).find("beyond the nominal arm's position limit"), std::string::npos);
     ScriptedLoop atLimit(true);  // measured a count beyond it
     atLimit.plant.standsOff =
         limit - atLimit.configured->setup.start.q[0] + atLimit.configured->plan.robot.encoderStep(0);
@@ -376,7 +366,7 @@ TEST(ControlLoop, APlantThatFaultsSaysWhy) {
 TEST(ControlLoop, ARobotThatCannotBeHadIsRefusedInItsOwnWords) {
     ScriptedLoop t(true);
     t.plant.isAbsent = true;
-    const std::string text = test::catchError([&] { t.start(); });
+    const std::string text = catchError([&] { t.start(); });
     EXPECT_NE(text.find("here.yaml:1: the robot does not answer. Switch it on."), std::string::npos) << text;
     EXPECT_EQ(text.find("must not throw"), std::string::npos) << text;
 }
@@ -528,4 +518,4 @@ TEST(Fault51, NanFromAFilterNeverReachesPlantOrLog) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,20 +1,16 @@
 #include "viable/loop/GuardLog.h"
 
-#include <gtest/gtest.h>
-
 #include <thread>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "Paths.h"
-#include "TemporaryFolder.h"
 #include "log/LogMetadata.h"
 #include "records/LogReader.h"
 #include "viable/loop/ReferenceGuard.h"
 #include "viable/loop/TorqueGuard.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 RobotDescription loadIndy7() {
@@ -27,7 +23,7 @@ void append(GuardLog& log, const TickRecord& record) {
 }
 
 TEST(GuardLog, WhatATorqueGuardDidIsReadBackAsItWas) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::filesystem::path file = folder / "sway.mcap";
     const RobotDescription robot = loadIndy7();
     TorqueGuard guard(robot, 0.001);
@@ -61,11 +57,11 @@ TEST(GuardLog, WhatATorqueGuardDidIsReadBackAsItWas) {
     }
     EXPECT_FALSE(reader.read(row));
     EXPECT_GT((records.back().nominal.q - robot.home).norm(), 0.1);
-    test::expectContains(test::catchError([&] { GuardLog(file, robot, true); }), {"sway.mcap"});  // never overwritten
+    expectContains(catchError([&] { GuardLog(file, robot, true); }), {"sway.mcap"});  // never overwritten
 }
 
 TEST(GuardLog, WhatAReferenceGuardDidIsReadBackAsItWas) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const RobotDescription robot = loadIndy7();
     ReferenceGuard guard(robot, 0.001);
     const JointVector zero = JointVector::Zero(6), target = robot.home + JointVector::Constant(6, 0.2);
@@ -86,7 +82,7 @@ TEST(GuardLog, WhatAReferenceGuardDidIsReadBackAsItWas) {
 
 TEST(GuardLog, AppendAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const RobotDescription robot = loadIndy7();
     ReferenceGuard guard(robot, 0.001);
     const JointVector zero = JointVector::Zero(6);
@@ -100,4 +96,4 @@ TEST(GuardLog, AppendAllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

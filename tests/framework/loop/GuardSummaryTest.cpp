@@ -2,26 +2,21 @@
 
 #include <gtest/gtest.h>
 
+#include "Joints.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-JointVector two(double a, double b) {
-    JointVector v(2);
-    v << a, b;
-    return v;
-}
 
 /** Two joints at rest in the middle of limits of 1, 2, 3 and 4. */
 TickRecord makeRecord(double time_s) {
     TickRecord record;
     record.time_s = time_s;
-    record.nominal = {two(0, 0), two(0, 0), two(0, 0), two(0, 0)};
-    record.limits.position = {two(-1, -1), two(1, 1)};
-    record.limits.velocity = {two(-2, -2), two(2, 2)};
-    record.limits.acceleration = {two(-3, -3), two(3, 3)};
-    record.limits.jerk = {two(-4, -4), two(4, 4)};
+    record.nominal = {joints(0, 0), joints(0, 0), joints(0, 0), joints(0, 0)};
+    record.limits.position = {joints(-1, -1), joints(1, 1)};
+    record.limits.velocity = {joints(-2, -2), joints(2, 2)};
+    record.limits.acceleration = {joints(-3, -3), joints(3, 3)};
+    record.limits.jerk = {joints(-4, -4), joints(4, 4)};
     record.verdict = StopVerdict::Safe;
     return record;
 }
@@ -29,7 +24,7 @@ TickRecord makeRecord(double time_s) {
 TEST(GuardSummary, TellsTheWorstUseOfEachLimitAndItsJoint) {
     GuardSummary summary(2);
     TickRecord record = makeRecord(0.0);
-    record.nominal = {two(0.5, -0.25), two(-1, 1.5), two(0, 3), two(-1, 2)};
+    record.nominal = {joints(0.5, -0.25), joints(-1, 1.5), joints(0, 3), joints(-1, 2)};
     summary.add(record);
     summary.add(makeRecord(0.001));
     EXPECT_EQ(summary.ticks(), 2);
@@ -46,12 +41,12 @@ TEST(GuardSummary, TellsTheWorstUseOfEachLimitAndItsJoint) {
 TEST(GuardSummary, CountsTicksOutsideAndTheEnd) {
     GuardSummary summary(2);
     TickRecord record = makeRecord(0.0);
-    record.nominal.jerk = two(4.1, 5.0);
+    record.nominal.jerk = joints(4.1, 5.0);
     summary.add(record);
     EXPECT_TRUE(summary.anyLimitBroken());
     EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 2);
     EXPECT_EQ(summary.ticksOutside(LimitKind::Position), 0);
-    summary.addEnd({two(1.1, 0), two(0, 0), two(0, 0)}, 0.001);
+    summary.addEnd({joints(1.1, 0), joints(0, 0), joints(0, 0)}, 0.001);
     EXPECT_EQ(summary.ticksOutside(LimitKind::Position), 1);
     EXPECT_EQ(summary.ticks(), 1);
 }
@@ -59,7 +54,7 @@ TEST(GuardSummary, CountsTicksOutsideAndTheEnd) {
 TEST(GuardSummary, AnArmThatRecoversBreaksNothing) {
     GuardSummary summary(2);
     TickRecord record = makeRecord(0.0);
-    record.nominal.q = two(1.5, 0);
+    record.nominal.q = joints(1.5, 0);
     record.verdict = StopVerdict::Recovering;
     summary.add(record);
     EXPECT_FALSE(summary.anyLimitBroken());
@@ -75,12 +70,12 @@ TEST(GuardSummary, TellsHowFarTheRealArmWasAndTakesNoMemory) {
     TickRecord record = makeRecord(0.0);
     summary.add(record);
     EXPECT_EQ(summary.trackingMax(), 0.0);  // no real arm
-    record.actual.q = two(9, 9);
+    record.actual.q = joints(9, 9);
     record.hasReading = false;
     summary.add(record);
     EXPECT_EQ(summary.trackingMax(), 0.0);
     record.hasReading = true;
-    record.actual.q = two(0.01, -0.02);
+    record.actual.q = joints(0.01, -0.02);
     const testing::AllocationCounter counter;
     summary.add(record);
     if (testing::AllocationCounter::isAvailable()) EXPECT_EQ(counter.count(), 0);
@@ -88,4 +83,4 @@ TEST(GuardSummary, TellsHowFarTheRealArmWasAndTakesNoMemory) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "CaseSupport.h"
@@ -7,15 +5,8 @@
 
 // The loop with its monitor: filters that break their word, ticks that are missed, limits that change.
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::allFinite;
-using test::kOneJoint;
-using test::kTeleoperation;
-using test::readTestExperiment;
-using test::runUntilStopped;
-using test::TestLoop;
 
 const char* const kGuaranteeing = "filter={plugin: guaranteeing}";
 
@@ -407,4 +398,4 @@ TEST(Summary, TellsHowOftenHowLongAndHowMuchALimitActed) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

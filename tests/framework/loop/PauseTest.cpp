@@ -1,17 +1,11 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <random>
 
 #include "CaseSupport.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::kOneJoint;
-using test::kTeleoperation;
-using test::TestLoop;
 
 constexpr char kCertified[] = "filter={plugin: certified_braking}";
 
@@ -175,7 +169,7 @@ private:
 
 TEST(Bumpless, AControllerThatFailsInMotionIsNoStepOfTheTorque) {
     for (const int calls : {300, 450, 700, 1000}) {
-        const Experiment e = test::readTestExperiment(kTeleoperation, {kCertified, "duration_s=100"});
+        const Experiment e = readTestExperiment(kTeleoperation, {kCertified, "duration_s=100"});
         auto configured = configureCase(e.cases[0]);
         FailingController failing(std::move(configured->plugins.controller), calls);
         configured->plugins.controller = PluginPtr<NominalController>(&failing, [](void*) {});
@@ -252,4 +246,4 @@ TEST(Pause, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,8 +1,6 @@
 #include "Balls.h"
 #include "viable/loop/ReferenceGuard.h"
 
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <cmath>
 #include <random>
@@ -10,26 +8,19 @@
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
+#include "Joints.h"
 #include "summary/Summary.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using test::catchError;
-using test::expectContains;
 using testing::makeTwoLinkArm;
 
 constexpr double kTick_s = 1e-3;
-
-JointVector pair(double first, double second) {
-    JointVector v(2);
-    v << first, second;
-    return v;
-}
 
 MotionState atRest(const JointVector& q) {
     return {q, JointVector::Zero(q.size()), JointVector::Zero(q.size())};
@@ -56,7 +47,7 @@ struct Guarded {
 
 TEST(ReferenceGuard, ATargetIsReachedExactlyAndHeld) {
     Guarded arm;
-    const JointVector target = pair(-1.5, 2.0);
+    const JointVector target = joints(-1.5, 2.0);
     arm.step(target);
     int passed = 0;
     for (int k = 0; k < 4000; ++k) passed += arm.step().status == GuardStatus::Passed;
@@ -78,7 +69,7 @@ TEST(ReferenceGuard, SpeedLimitsOfTheRobotsPointsAreKept) {
     double fastest = 0.0;
     for (int k = 0; k < 6000; ++k) {
         const GuardedReference& next =
-            k % 1500 == 0 ? guard.step(k % 3000 == 0 ? pair(-1.5, 1.0) : pair(1.5, -1.0)) : guard.step();
+            k % 1500 == 0 ? guard.step(k % 3000 == 0 ? joints(-1.5, 1.0) : joints(1.5, -1.0)) : guard.step();
         model.calcDynamics(next.state.q, next.state.qd, dynamics);
         fastest = std::max(fastest, (dynamics.J.topRows<3>() * next.state.qd).norm());
     }
@@ -96,7 +87,7 @@ TEST(ReferenceGuard, HostileTargetsNeverLeadOutside) {
         const auto draw = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
         for (int k = 0; k < 20000; ++k) {
             if (draw(0, 1) < 0.03)
-                arm.step(draw(0, 1) < 0.5 ? pair(draw(-9, 9), draw(-9, 9)) : pair(draw(-1e7, 1e7), kNan));
+                arm.step(draw(0, 1) < 0.5 ? joints(draw(-9, 9), draw(-9, 9)) : joints(draw(-1e7, 1e7), kNan));
             else
                 arm.step();
             if (draw(0, 1) < 0.001) arm.guard.missTicks(40);
@@ -108,7 +99,7 @@ TEST(ReferenceGuard, HostileTargetsNeverLeadOutside) {
 
 TEST(ReferenceGuard, AStreamAt30HzIsFollowed) {
     Guarded arm;
-    const auto way = [](double t) { return pair(std::sin(t), 0.5 * std::cos(1.3 * t) - 0.5); };
+    const auto way = [](double t) { return joints(std::sin(t), 0.5 * std::cos(1.3 * t) - 0.5); };
     double worst = 0.0;
     for (int k = 0; k < 20000; ++k) {
         const double t = k * kTick_s;
@@ -123,13 +114,13 @@ TEST(ReferenceGuard, AnUnusableTargetChangesNothing) {
     Guarded arm, other;
     for (int k = 0; k < 2000; ++k) {
         if (k == 0) {
-            arm.step(pair(1.0, 1.0));
-            other.step(pair(1.0, 1.0));
+            arm.step(joints(1.0, 1.0));
+            other.step(joints(1.0, 1.0));
             continue;
         }
-        const JointVector bad = k % 3 == 0   ? pair(kNan, 0.0)
+        const JointVector bad = k % 3 == 0   ? joints(kNan, 0.0)
                                 : k % 3 == 1 ? JointVector(JointVector::Zero(3))
-                                             : pair(1e300, 0.0);
+                                             : joints(1e300, 0.0);
         EXPECT_TRUE(arm.step(bad).targetFailed);
         EXPECT_FALSE(other.step().targetFailed);
         ASSERT_EQ(arm.guard.step(bad).state.q, other.guard.step().state.q);
@@ -138,7 +129,7 @@ TEST(ReferenceGuard, AnUnusableTargetChangesNothing) {
 
 TEST(ReferenceGuard, TheStopAheadIsWhatMissedTicksFollow) {
     Guarded arm;
-    arm.step(pair(2.0, 2.0));
+    arm.step(joints(2.0, 2.0));
     for (int k = 0; k < 300; ++k) arm.step();
     MotionState ahead, there, rest;
     arm.guard.calcStop(0.05, ahead);
@@ -152,28 +143,28 @@ TEST(ReferenceGuard, TheStopAheadIsWhatMissedTicksFollow) {
     EXPECT_LT((there.q - ahead.q).lpNorm<Eigen::Infinity>(), 1e-13);
     EXPECT_LT((there.qd - ahead.qd).lpNorm<Eigen::Infinity>(), 1e-12);
     for (int k = 0; k < 4000; ++k) arm.step();
-    EXPECT_LT((arm.step().state.q - pair(2.0, 2.0)).lpNorm<Eigen::Infinity>(), 1e-12);
+    EXPECT_LT((arm.step().state.q - joints(2.0, 2.0)).lpNorm<Eigen::Infinity>(), 1e-12);
 }
 
 TEST(ReferenceGuard, TooManyMissedTicksStopTheArm) {
     Guarded arm;
-    arm.step(pair(2.0, 2.0));
+    arm.step(joints(2.0, 2.0));
     arm.guard.missTicks(1001);
     EXPECT_EQ(arm.step().status, GuardStatus::Stopped);
     EXPECT_EQ(arm.guard.stopReason(), GuardStop::TicksMissed);
     expectContains(arm.guard.stopMessage(), {"1000 ticks"});
     arm.guard.start(atRest(arm.robot.home));
-    EXPECT_EQ(arm.guard.step(pair(0.5, 0.5)).status, GuardStatus::Passed);
+    EXPECT_EQ(arm.guard.step(joints(0.5, 0.5)).status, GuardStatus::Passed);
 }
 
 TEST(ReferenceGuard, ARequestFromAnotherThreadStopsTheArm) {
     Guarded arm;
-    arm.step(pair(2.0, 2.0));
+    arm.step(joints(2.0, 2.0));
     for (int k = 0; k < 200; ++k) arm.step();
     std::thread([&] { arm.guard.requestStop(); }).join();
     EXPECT_EQ(arm.step().status, GuardStatus::Stopping);
     for (int k = 0; k < 2000; ++k) arm.step();
-    EXPECT_EQ(arm.step(pair(-1.0, -1.0)).status, GuardStatus::Stopped);
+    EXPECT_EQ(arm.step(joints(-1.0, -1.0)).status, GuardStatus::Stopped);
     EXPECT_EQ(arm.guard.stopReason(), GuardStop::Requested);
     EXPECT_EQ(arm.step().state.qd, JointVector(JointVector::Zero(2)));
     EXPECT_FALSE(arm.summary.anyLimitBroken());
@@ -181,17 +172,17 @@ TEST(ReferenceGuard, ARequestFromAnotherThreadStopsTheArm) {
 
 TEST(ReferenceGuard, LimitsMayChangeAndAreMet) {
     Guarded arm;
-    arm.step(pair(2.0, 2.0));
+    arm.step(joints(2.0, 2.0));
     for (int k = 0; k < 500; ++k) arm.step();
     JointLimits slow = arm.guard.limits();
-    slow.velocity = {pair(-0.5, -0.5), pair(0.5, 0.5)};
-    slow.position.upper = pair(1.8, 1.8);
+    slow.velocity = {joints(-0.5, -0.5), joints(0.5, 0.5)};
+    slow.position.upper = joints(1.8, 1.8);
     ASSERT_TRUE(arm.guard.changeLimits(slow));
     int recovering = 0;
     for (int k = 0; k < 6000; ++k) recovering += arm.guard.step().status == GuardStatus::Recovering;
     EXPECT_GT(recovering, 10);
     EXPECT_LT(recovering, 1000);
-    EXPECT_LT((arm.guard.step().state.q - pair(1.8, 1.8)).lpNorm<Eigen::Infinity>(), 1e-9);
+    EXPECT_LT((arm.guard.step().state.q - joints(1.8, 1.8)).lpNorm<Eigen::Infinity>(), 1e-9);
     JointLimits unusable = slow;
     unusable.jerk.upper[1] = kInfinity;
     EXPECT_FALSE(arm.guard.changeLimits(unusable));
@@ -203,7 +194,7 @@ TEST(ReferenceGuard, LimitsMayChangeAndAreMet) {
 
 TEST(ReferenceGuard, WithRecoveryAStartOutsideIsLedBack) {
     const RobotDescription robot = makeTwoLinkArm();
-    const MotionState outside = atRest(pair(2.7, 0.0));
+    const MotionState outside = atRest(joints(2.7, 0.0));
     ReferenceGuard strict(robot, kTick_s);
     expectContains(catchError([&] { strict.start(outside); }), {"joint0", "ReferenceGuardOptions::recovery"});
     EXPECT_EQ(strict.step().status, GuardStatus::NotStarted);
@@ -211,9 +202,9 @@ TEST(ReferenceGuard, WithRecoveryAStartOutsideIsLedBack) {
     options.recovery = true;
     ReferenceGuard guard(robot, kTick_s, options);
     guard.start(outside);
-    EXPECT_EQ(guard.step(pair(2.0, 0.0)).status, GuardStatus::Recovering);
+    EXPECT_EQ(guard.step(joints(2.0, 0.0)).status, GuardStatus::Recovering);
     for (int k = 0; k < 3000; ++k) guard.step();
-    EXPECT_LT((guard.step().state.q - pair(2.0, 0.0)).lpNorm<Eigen::Infinity>(), 1e-12);
+    EXPECT_LT((guard.step().state.q - joints(2.0, 0.0)).lpNorm<Eigen::Infinity>(), 1e-12);
 }
 
 TEST(ReferenceGuard, KeepsClearOfWhatStandsAroundAndMayCome) {
@@ -282,7 +273,7 @@ TEST(ReferenceGuard, MassesMotorsAndFrictionDoNotCount) {
         guard.start(start);
         other.start(start);
         for (int k = 0; k < 3000; ++k) {
-            const JointVector target = pair(k / 500 % 2, -(k / 300 % 2));
+            const JointVector target = joints(k / 500 % 2, -(k / 300 % 2));
             const GuardedReference& one = guard.step(target);
             const GuardedReference& two = other.step(target);
             ASSERT_EQ(one.state.q, two.state.q) << k;
@@ -295,14 +286,14 @@ TEST(ReferenceGuard, WithoutAStartThereIsNoReference) {
     const RobotDescription robot = makeTwoLinkArm();
     ReferenceGuard guard(robot, kTick_s);
     const auto isNone = [&] {
-        const GuardedReference& next = guard.step(pair(1.0, 1.0));
+        const GuardedReference& next = guard.step(joints(1.0, 1.0));
         return next.status == GuardStatus::NotStarted && next.state.q.size() == 2 && next.state.q.array().isNaN().all();
     };
     EXPECT_TRUE(isNone());
     const JointVector zero = JointVector::Zero(2);
     for (const MotionState& bad :
-         {MotionState{pair(kNan, 0), zero, zero}, MotionState{JointVector::Zero(3), zero, zero},
-          MotionState{zero, zero, JointVector()}, MotionState{zero, zero, pair(1e9, 0)}}) {
+         {MotionState{joints(kNan, 0), zero, zero}, MotionState{JointVector::Zero(3), zero, zero},
+          MotionState{zero, zero, JointVector()}, MotionState{zero, zero, joints(1e9, 0)}}) {
         guard.start(atRest(robot.home));
         EXPECT_THROW(guard.start(bad), Error);
         EXPECT_TRUE(isNone());
@@ -311,7 +302,7 @@ TEST(ReferenceGuard, WithoutAStartThereIsNoReference) {
 
 TEST(ReferenceGuard, LimitsDoNotChangeWhileTheArmIsStopped) {
     Guarded arm;
-    arm.step(pair(2.0, 2.0));
+    arm.step(joints(2.0, 2.0));
     for (int k = 0; k < 300; ++k) arm.step();
     arm.guard.requestStop();
     arm.step();
@@ -324,11 +315,11 @@ TEST(ReferenceGuard, LimitsDoNotChangeWhileTheArmIsStopped) {
 TEST(ReferenceGuard, ATargetThatWasSentLastIsWhereTheArmRests) {
     Guarded arm;
     for (const double set : {0.2, 0.4, 0.6}) {
-        arm.step(pair(set, 0.0));
+        arm.step(joints(set, 0.0));
         for (int k = 1; k < 1000; ++k) arm.step();
     }
     for (int k = 0; k < 40; ++k) {  // and a stream that ends in motion
-        arm.step(pair(0.6 + 0.02 * k, 0.0));
+        arm.step(joints(0.6 + 0.02 * k, 0.0));
         for (int i = 1; i < 40; ++i) arm.step();
     }
     for (int k = 0; k < 5000; ++k) arm.step();
@@ -345,7 +336,7 @@ TEST(ReferenceGuard, SurroundingsMayComeFromAnotherThread) {
     std::thread maker([&] {
         for (int k = 0; !isDone; ++k) {
             Environment next;
-            next.solids.push_back(test::makeBall(Eigen::Vector3d(1.2 + 0.1 * std::sin(k), 0.0, 0.5), 0.1));
+            next.solids.push_back(makeBall(Eigen::Vector3d(1.2 + 0.1 * std::sin(k), 0.0, 0.5), 0.1));
             guard.changeEnvironment(next, 0.0);
         }
     });
@@ -377,8 +368,8 @@ TEST(ReferenceGuard, WhatIsWrongIsSaidWithItsPlace) {
     options.environment.emplace();
     expectContains(catchError([&] { ReferenceGuard(robot, kTick_s, options); }), {"collision.yaml"});
     ReferenceGuard guard(robot, kTick_s);
-    expectContains(catchError([&] { guard.start(atRest(pair(kNan, 0.0))); }), {"ReferenceGuard::start"});
-    EXPECT_EQ(guard.step(pair(0, 0)).status, GuardStatus::NotStarted);
+    expectContains(catchError([&] { guard.start(atRest(joints(kNan, 0.0))); }), {"ReferenceGuard::start"});
+    EXPECT_EQ(guard.step(joints(0, 0)).status, GuardStatus::NotStarted);
 }
 
 TEST(ReferenceGuard, ATickDoesNotAllocate) {
@@ -408,4 +399,4 @@ TEST(ReferenceGuard, ATickDoesNotAllocate) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

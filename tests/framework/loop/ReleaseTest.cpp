@@ -1,21 +1,15 @@
 // A robust loop that is given up: its torque goes to zero without a step.
 
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <cstdio>
-#include <stdexcept>
 
 #include "CaseSupport.h"
+#include "Joints.h"
 #include "viable/core/Numbers.h"
 #include "viable/loop/TorqueGuard.h"
 #include "viable/testing/TwoLinkArm.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 constexpr double kTick_s = 1e-3;
 /** Ticks of a release. */
@@ -204,7 +198,7 @@ const std::vector<std::string> kLightPanda = {"robot=panda", "real_plant.mass_fa
 TEST(Release, ALoopThatOscillatesFades) {
     RealArmOptions options;
     options.watchesFollowing = true;
-    HeardCase c(test::kHandLed, kLightPanda, options);
+    HeardCase c(kHandLed, kLightPanda, options);
     TickRecord record, last;
     double before = 0.0;
     int k = 0;
@@ -268,16 +262,10 @@ TEST(Release, ALoopThatDrivesTheArmAwayIsNotAskedAgain) {
 
 // --- The same in a loop of one's own --------------------------------------------------------------
 
-JointVector pair(double first, double second) {
-    JointVector v(2);
-    v << first, second;
-    return v;
-}
-
 /** Without limits on readings and motors nothing holds the robust loop back. */
 TEST(Release, ATorqueGuardWhoseRobustLoopFailsGivesItsShareBackEvenly) {
     RobotDescription robot = testing::makeTwoLinkArm();
-    robot.actuation.torqueLimit = pair(kInfinity, kInfinity);
+    robot.actuation.torqueLimit = joints(kInfinity, kInfinity);
     TorqueGuardOptions options;
     options.largestSpeed = kInfinity;
     TorqueGuard guard(robot, kTick_s, options);
@@ -285,7 +273,7 @@ TEST(Release, ATorqueGuardWhoseRobustLoopFailsGivesItsShareBackEvenly) {
     const auto law = [&](const MotionState& nominal, const Dynamics& dynamics, JointVector& torque) {
         torque = dynamics.M * (100.0 * (robot.home - nominal.q) - 20.0 * nominal.qd) + dynamics.b;
     };
-    const auto read = [&](double qd) { return JointState{guard.nominal().q + pair(0.01, 0.01), pair(qd, 0.0)}; };
+    const auto read = [&](double qd) { return JointState{guard.nominal().q + joints(0.01, 0.01), joints(qd, 0.0)}; };
     for (int k = 0; k < 500; ++k) guard.step(read(0.0), law);
     const JointVector given = guard.record().robustTorque;
     JointVector last = given;
@@ -305,7 +293,7 @@ TEST(Release, ATorqueGuardWhoseRobustLoopFailsGivesItsShareBackEvenly) {
 TEST(Release, ATorqueGuardWithoutNumbersTakesItsTorqueToZeroEvenly) {
     RobotDescription robot = testing::makeTwoLinkArm();
     robot.limits = JointLimits::unlimited(2);
-    robot.limits.velocity = {pair(-1e7, -1e7), pair(1e7, 1e7)};
+    robot.limits.velocity = {joints(-1e7, -1e7), joints(1e7, 1e7)};
     robot.limits.acceleration = robot.limits.jerk = robot.limits.velocity;
     const std::optional<NricOptions> gains = TorqueGuard(robot, kTick_s).robustGains();
     ASSERT_TRUE(gains);
@@ -353,4 +341,4 @@ TEST(Release, ATorqueGuardWithoutNumbersTakesItsTorqueToZeroEvenly) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,13 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "CaseSupport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::kTeleoperation;
 
 /** A simulated arm with the clock of a robot, whose driver turns the torque of a joint round, or does not pass it on. */
 class WrongRobot : public RealPlant {
@@ -38,7 +34,7 @@ private:
 
 TEST(RobotHandOver, ARobotThatGoesOnThoughItIsToldToBrakeIsLeftToItsOwnStop) {
     for (const int joint : {0, 1, 2, 3}) {
-        const Experiment e = test::readTestExperiment(
+        const Experiment e = readTestExperiment(
             kTeleoperation, {"filter={plugin: certified_braking}", "duration_s=20", "robust_loop={plugin: nric}"});
         auto configured = configureCase(e.cases[0]);
         WrongRobot robot(std::move(configured->plugins.realPlant), joint, -1.0);
@@ -62,7 +58,7 @@ TEST(RobotHandOver, ARobotThatGoesOnThoughItIsToldToBrakeIsLeftToItsOwnStop) {
 }
 
 TEST(RobotHandOver, ARobotThatFollowsIsBrakedToRestAndNotLeft) {
-    const Experiment e = test::readTestExperiment(
+    const Experiment e = readTestExperiment(
         kTeleoperation, {"filter={plugin: certified_braking}", "duration_s=20", "robust_loop={plugin: nric}"});
     auto configured = configureCase(e.cases[0]);
     WrongRobot robot(std::move(configured->plugins.realPlant), 0, 1.0);
@@ -78,4 +74,4 @@ TEST(RobotHandOver, ARobotThatFollowsIsBrakedToRestAndNotLeft) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

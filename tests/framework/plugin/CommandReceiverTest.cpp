@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <random>
-#include <vector>
 
 #include "core/RotationVector.h"
 #include "viable/testing/AllocationCounter.h"
@@ -25,6 +24,13 @@ MotionCommand calc(const CommandReceiver& receiver, double t) {
     return command;
 }
 
+/** One that waits at 0. */
+struct Receiver : CommandReceiver {
+    explicit Receiver(BetweenSamples between = BetweenSamples::Extrapolate) : CommandReceiver(between) {
+        reset(at(0.0));
+    }
+};
+
 TEST(CommandReceiver, HoldsTheNewestSampleAtRest) {
     CommandReceiver receiver(BetweenSamples::Hold);
     receiver.reset(at(1.0));
@@ -38,8 +44,7 @@ TEST(CommandReceiver, HoldsTheNewestSampleAtRest) {
 }
 
 TEST(CommandReceiver, InterpolationArrivesWhenTheNextIsDueAndStandsThere) {
-    CommandReceiver receiver(BetweenSamples::Interpolate);
-    receiver.reset(at(0.0));
+    Receiver receiver(BetweenSamples::Interpolate);
     for (int k = 0; k <= 5; ++k) receiver.take(0.1 * k, at(k));  // 10 a second
     EXPECT_NEAR(calc(receiver, 0.5).q[0], 4.0, 1e-12);
     EXPECT_NEAR(calc(receiver, 0.55).q[0], 4.5, 1e-12);
@@ -52,8 +57,7 @@ TEST(CommandReceiver, InterpolationArrivesWhenTheNextIsDueAndStandsThere) {
 TEST(CommandReceiver, InterpolationIsContinuousWhateverComesWhen) {
     std::mt19937_64 random(7);
     const auto draw = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
-    CommandReceiver receiver(BetweenSamples::Interpolate);
-    receiver.reset(at(0.0));
+    Receiver receiver(BetweenSamples::Interpolate);
     double t = 0.0;
     for (int k = 0; k < 1000; ++k) {
         const double before = calc(receiver, t).q[0];
@@ -69,8 +73,7 @@ TEST(CommandReceiver, InterpolationIsContinuousWhateverComesWhen) {
 double calcLag(BetweenSamples between) {
     std::mt19937_64 random(3);
     const auto draw = [&] { return std::uniform_real_distribution<double>(0.0, 1.0)(random); };
-    CommandReceiver receiver(between);
-    receiver.reset(at(0.0));
+    Receiver receiver(between);
     const double period = 0.033, speed = 0.7;
     double sum = 0.0, last = 0.0;
     int count = 0;
@@ -92,8 +95,7 @@ TEST(CommandReceiver, AnEvenMotionIsFollowedThroughJitterAndLoss) {
 }
 
 TEST(CommandReceiver, ExtrapolationDoesNotOvershootACommandThatJumpsOrStops) {
-    CommandReceiver receiver(BetweenSamples::Extrapolate);
-    receiver.reset(at(0.0));
+    Receiver receiver;
     double t = 0.0;
     const auto send = [&](double q) { receiver.take(t += 0.05, at(q)); };
     for (int k = 0; k < 10; ++k) send(0.0);
@@ -107,8 +109,7 @@ TEST(CommandReceiver, ExtrapolationDoesNotOvershootACommandThatJumpsOrStops) {
 }
 
 TEST(CommandReceiver, AfterSilenceTheCommandIsTheLastSample) {
-    CommandReceiver receiver(BetweenSamples::Extrapolate);
-    receiver.reset(at(0.0));
+    Receiver receiver;
     for (int k = 0; k <= 20; ++k) receiver.take(0.1 * k, at(0.1 * k));
     EXPECT_NEAR(calc(receiver, 2.1).q[0], 2.1, 1e-12);
     EXPECT_NEAR(calc(receiver, 2.2).q[0], 2.2, 1e-9);  // two periods after the last
@@ -120,8 +121,7 @@ TEST(CommandReceiver, AfterSilenceTheCommandIsTheLastSample) {
 }
 
 TEST(CommandReceiver, SetPointsAreNotExtrapolated) {
-    CommandReceiver receiver(BetweenSamples::Extrapolate);
-    receiver.reset(at(0.0));
+    Receiver receiver;
     for (int k = 1; k < 5; ++k) {
         receiver.take(k, at(0.2 * k));
         for (const double later : {0.0, 0.5, 0.9}) EXPECT_EQ(calc(receiver, k + later).q[0], 0.2 * k);
@@ -130,8 +130,7 @@ TEST(CommandReceiver, SetPointsAreNotExtrapolated) {
 
 TEST(CommandReceiver, ASenderThatChangesItsRateIsFollowedSoon) {
     for (const auto& [before, after] : {std::pair(0.1, 0.005), std::pair(0.005, 0.1), std::pair(10.0, 0.033)}) {
-        CommandReceiver receiver(BetweenSamples::Extrapolate);
-        receiver.reset(at(0.0));
+        Receiver receiver;
         double t = 0.0;
         const auto send = [&](double period, int count) {
             for (int k = 0; k < count; ++k) {
@@ -152,8 +151,7 @@ TEST(CommandReceiver, ASenderThatChangesItsRateIsFollowedSoon) {
 TEST(CommandReceiver, ManyLostSamplesTellNoOtherSpeed) {
     for (const double loss : {0.1, 0.2, 0.4}) {
         std::mt19937_64 random(5);
-        CommandReceiver receiver(BetweenSamples::Extrapolate);
-        receiver.reset(at(0.0));
+        Receiver receiver;
         double sum = 0.0, ahead = 0.0;
         int count = 0;
         for (int k = 0; k < 2000; ++k) {
@@ -172,8 +170,7 @@ TEST(CommandReceiver, ManyLostSamplesTellNoOtherSpeed) {
 
 TEST(CommandReceiver, BurstsAndMuchJitterTellNoOtherSpeed) {
     for (const int burst : {2, 3, 4}) {
-        CommandReceiver receiver(BetweenSamples::Extrapolate);
-        receiver.reset(at(0.0));
+        Receiver receiver;
         const double period = 0.02;
         double worst = 0.0;
         for (int k = 0; k < 400; ++k) {  // all of a burst come when its last is sent, 1 ms apart
@@ -185,8 +182,7 @@ TEST(CommandReceiver, BurstsAndMuchJitterTellNoOtherSpeed) {
         EXPECT_LT(worst, 1.6 * burst * period) << burst;
     }
     std::mt19937_64 random(3);
-    CommandReceiver receiver(BetweenSamples::Extrapolate);
-    receiver.reset(at(0.0));
+    Receiver receiver;
     double sum = 0.0;
     for (int k = 0; k < 3000; ++k) {
         const double t = k + 0.95 * std::uniform_real_distribution<double>(0.0, 1.0)(random);
@@ -282,8 +278,7 @@ TEST(CommandReceiver, SamplesAtTheSameTimeAndLongOrientationsAreTaken) {
 }
 
 TEST(CommandReceiver, DoesNotAllocate) {
-    CommandReceiver receiver(BetweenSamples::Extrapolate);
-    receiver.reset(at(0.0));
+    Receiver receiver;
     MotionCommand out = at(0.0);
     const MotionCommand sample = at(1.0);
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();

@@ -1,3 +1,4 @@
+#include "TestArm.h"
 #include "viable/plugin/SafetyFilter.h"
 
 #include <gtest/gtest.h>
@@ -7,13 +8,6 @@
 namespace viable {
 namespace {
 
-JointVector makeRandom(int n, double size, std::mt19937& random) {
-    std::uniform_real_distribution<double> number(-size, size);
-    JointVector v(n);
-    for (int i = 0; i < n; ++i) v[i] = number(random);
-    return v;
-}
-
 struct Arm {
     MotionState nominal;
     Dynamics dynamics;
@@ -21,11 +15,11 @@ struct Arm {
 
 Arm makeRandomArm(int n, std::mt19937& random) {
     Arm arm;
-    arm.nominal = {makeRandom(n, 3, random), makeRandom(n, 2, random), makeRandom(n, 12, random)};
+    arm.nominal = {makeRandomVector(n, 3, random), makeRandomVector(n, 2, random), makeRandomVector(n, 12, random)};
     JointMatrix root(n, n);
-    for (int i = 0; i < n; ++i) root.col(i) = makeRandom(n, 1, random);
+    for (int i = 0; i < n; ++i) root.col(i) = makeRandomVector(n, 1, random);
     arm.dynamics.M = root * root.transpose() + JointMatrix::Identity(n, n);
-    arm.dynamics.b = makeRandom(n, 50, random);
+    arm.dynamics.b = makeRandomVector(n, 50, random);
     arm.dynamics.gravity.setZero(n);
     arm.dynamics.J.setZero(6, n);
     return arm;
@@ -62,7 +56,7 @@ TEST(SafetyFilter, AHeldJerkGivesTheMeanAccelerationAndItsTorque) {
     std::mt19937 random(1);
     for (int n = 1; n <= kMaxJoints; ++n) {
         const Arm arm = makeRandomArm(n, random);
-        const JointVector jerk = makeRandom(n, 40, random);
+        const JointVector jerk = makeRandomVector(n, 40, random);
         FilterDecision decision;
         decision.holdJerk(jerk);
         EXPECT_EQ(decision.held, HeldQuantity::Jerk);
@@ -81,7 +75,7 @@ TEST(SafetyFilter, AHeldAccelerationGivesTheJerkThatLeadsThereInOneTick) {
     std::mt19937 random(2);
     for (int n = 1; n <= kMaxJoints; ++n) {
         const Arm arm = makeRandomArm(n, random);
-        const JointVector acceleration = makeRandom(n, 12, random);
+        const JointVector acceleration = makeRandomVector(n, 12, random);
         FilterDecision decision;
         decision.holdAcceleration(acceleration);
         EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
@@ -99,7 +93,7 @@ TEST(SafetyFilter, ThePassedTorqueIsTheDesiredOneToTheLastBit) {
     int differs = 0;
     for (int trial = 0; trial < 100; ++trial) {
         const Arm arm = makeRandomArm(6, random);
-        const JointVector torque = makeRandom(6, 100, random);
+        const JointVector torque = makeRandomVector(6, 100, random);
         FilterDecision decision;
         decision.holdAcceleration(arm.dynamics.M.llt().solve(torque - arm.dynamics.b));
         EXPECT_EQ(calcMotion(arm, decision, FilterStatus::Passed, torque).torque, torque);
@@ -113,11 +107,11 @@ TEST(SafetyFilter, ThePassedTorqueIsTheDesiredOneToTheLastBit) {
 TEST(SafetyFilter, AWrongPassedDoesNotPartTheTorqueFromTheMotion) {
     std::mt19937 random(4);
     const Arm arm = makeRandomArm(6, random);
-    const JointVector torque = makeRandom(6, 100, random);
+    const JointVector torque = makeRandomVector(6, 100, random);
     FilterDecision decision;
-    decision.holdAcceleration(makeRandom(6, 12, random));
+    decision.holdAcceleration(makeRandomVector(6, 12, random));
     EXPECT_EQ(calcMotion(arm, decision, FilterStatus::Passed, torque).torque, calcMotion(arm, decision).torque);
-    decision.holdJerk(makeRandom(6, 40, random));
+    decision.holdJerk(makeRandomVector(6, 40, random));
     EXPECT_EQ(calcMotion(arm, decision, FilterStatus::Passed, torque).torque, calcMotion(arm, decision).torque);
 }
 
@@ -125,7 +119,7 @@ TEST(SafetyFilter, HoldingLeavesInterventionsAsTheyAre) {
     std::mt19937 random(5);
     FilterDecision decision;
     decision.joints[1] = {LimitKind::Velocity, LimitSide::Upper};
-    decision.holdJerk(makeRandom(2, 1, random));
+    decision.holdJerk(makeRandomVector(2, 1, random));
     EXPECT_EQ(decision.joints[0].limit, LimitKind::None);
     EXPECT_EQ(decision.joints[1].limit, LimitKind::Velocity);
     EXPECT_EQ(decision.joints[1].side, LimitSide::Upper);
@@ -134,7 +128,7 @@ TEST(SafetyFilter, HoldingLeavesInterventionsAsTheyAre) {
 TEST(SafetyFilter, InputsAreCheckedInEveryPart) {
     std::mt19937 random(6);
     const Arm arm = makeRandomArm(3, random);
-    const JointVector good = makeRandom(3, 1, random), wrongSize = makeRandom(2, 1, random);
+    const JointVector good = makeRandomVector(3, 1, random), wrongSize = makeRandomVector(2, 1, random);
     EXPECT_TRUE(isFinite(FilterInput{arm.nominal, good, arm.dynamics, nullptr}, 3));
     EXPECT_TRUE(isFinite(FilterInput{arm.nominal, good, arm.dynamics, &good}, 3));
     EXPECT_FALSE(isFinite(FilterInput{arm.nominal, wrongSize, arm.dynamics, &good}, 3));

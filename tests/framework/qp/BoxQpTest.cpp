@@ -1,25 +1,19 @@
 #include "Paths.h"
-#include "viable/core/Numbers.h"
 #include "viable/qp/BoxQp.h"
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <iostream>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "MotionTestSupport.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/JointTypes.h"
 #include "viable/robot/RobotModel.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 struct Problem {
@@ -193,8 +187,8 @@ struct Worst {
 
 /** 1e5 problems of six joints; VIABLE_SEED is for another series. */
 TEST(BoxQp, AgreesWithEnumerationOfAllActiveSets) {
-    const int count = test::countOf(100000);
-    const long seed = test::getSeed(11);
+    const int count = countOf(100000);
+    const long seed = getSeed(11);
     std::mt19937_64 random(seed);
     BoxQp qp;  // warm: every problem starts from the set of the one before
     Worst worst;
@@ -217,7 +211,7 @@ TEST(BoxQp, AgreesWithEnumerationForFewerJoints) {
     std::mt19937_64 random(12);
     BoxQp qp;
     Worst worst;
-    for (int k = 0; k < test::countOf(20000); ++k) {
+    for (int k = 0; k < countOf(20000); ++k) {
         const Problem p = drawProblem(random, 1 + k % 5, std::pow(10.0, k % 5));
         JointVector x;
         if (qp.solve(p.M, p.target, p.lower, p.upper, x) == BoxQp::Status::TargetInside) continue;
@@ -257,7 +251,7 @@ TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
     Dynamics dynamics;
     Worst worst;
     int solved = 0, sameSet = 0;
-    for (int tick = 0; tick < test::countOf(20000); ++tick) {
+    for (int tick = 0; tick < countOf(20000); ++tick) {
         model.calcDynamics(q, zero, dynamics);
         p.M = dynamics.M;
         for (int i = 0; i < n; ++i) {
@@ -284,7 +278,7 @@ TEST(BoxQp, ErrorInAClosedLoopStaysBelowOneMillionth) {
     }
     worst.print("closed loop of " + std::to_string(solved) + " problems, " + std::to_string(sameSet) +
                 " with the set of the tick before");
-    EXPECT_GT(solved, test::countOf(2000));
+    EXPECT_GT(solved, countOf(2000));
     EXPECT_LT(worst.error, 1e-6);
     EXPECT_LT(worst.violation, 1e-9);
 }
@@ -305,7 +299,7 @@ TEST(BoxQp, TargetInsideComesBackBitForBit) {
 
 TEST(BoxQp, IllConditionedUpToItsWord) {
     std::mt19937_64 random(14);
-    for (int k = 0; k < test::countOf(20000); ++k) {
+    for (int k = 0; k < countOf(20000); ++k) {
         const Problem p = drawProblem(random, 6, std::pow(10.0, drawUniform(random, 4, 7)));
         BoxQp qp;
         JointVector x;
@@ -384,7 +378,7 @@ TEST(Fault34, TargetsThatAreNotFiniteNeverComeOut) {
 TEST(Fault34, AbsurdNumbersStayInTheBox) {
     std::mt19937_64 random(35);
     BoxQp qp;
-    for (int k = 0; k < test::countOf(50000); ++k) {
+    for (int k = 0; k < countOf(50000); ++k) {
         Problem p = drawProblem(random, 1 + k % kMaxJoints, 100);
         const double scales[] = {1e300, 1e150, 1.0, 1e-150, 5e-324};
         const double scale = scales[random() % 5];
@@ -441,7 +435,7 @@ TEST(Fault36, RoundsStayFarBelowTheirBound) {
     std::mt19937_64 random(37);
     BoxQp qp;
     int most[kMaxJoints + 1] = {};
-    for (int k = 0; k < test::countOf(400000); ++k) {
+    for (int k = 0; k < countOf(400000); ++k) {
         const int n = 1 + k % kMaxJoints;
         const Problem p = drawHardProblem(random, n);
         JointVector x;
@@ -466,7 +460,7 @@ TEST(Fault36, WhereItCannotSolveItStopsInTime) {
     std::mt19937_64 random(38);
     Problem slowest;
     int most = 0, clamped = 0;
-    const int count = test::countOf(600);
+    const int count = countOf(600);
     for (int k = 0; k < count; ++k) {
         Problem p = drawHardProblem(random, kMaxJoints);
         if (k % 2 == 0) p.M = drawProblem(random, kMaxJoints, std::pow(10.0, drawUniform(random, 7, 19))).M;
@@ -494,4 +488,4 @@ TEST(Fault36, WhereItCannotSolveItStopsInTime) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

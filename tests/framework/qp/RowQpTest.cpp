@@ -2,25 +2,16 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <iostream>
-#include <limits>
-#include <memory>
-#include <random>
 #include <string>
-#include <vector>
 
-#include "Effort.h"
 #include "LeastDistance.h"
 #include "MotionTestSupport.h"
-#include "viable/core/Numbers.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using LongVector = NonNegativeLeastSquares<long double>::Vector;
@@ -293,7 +284,7 @@ TEST(RowQp, AgreesWithEnumerationOfAllActiveSets) {
     std::mt19937_64 random(51);
     RowQp qp;
     Worst worst;
-    for (int k = 0; k < test::countOf(4000); ++k) {
+    for (int k = 0; k < countOf(4000); ++k) {
         const int n = 1 + k % 4;
         JointVector inside;
         Problem p = drawBox(random, n, std::pow(10.0, drawUniform(random, 0, 4)), inside);
@@ -317,8 +308,8 @@ TEST(RowQp, AgreesWithEnumerationOfAllActiveSets) {
         ASSERT_FALSE(HasFatalFailure()) << "problem " << k;
     }
     worst.print("enumeration");
-    EXPECT_GT(worst.solved, 2 * test::countOf(2000));
-    EXPECT_GT(worst.infeasible, 2 * test::countOf(100));
+    EXPECT_GT(worst.solved, 2 * countOf(2000));
+    EXPECT_GT(worst.infeasible, 2 * countOf(100));
     EXPECT_LT(worst.rows, RowQp::kRowTolerance);
 }
 
@@ -329,7 +320,7 @@ TEST(RowQp, AgreesWithLeastDistanceProgramming) {
     RowQp qp;
     Worst worst;
     int undecided = 0;
-    for (int k = 0; k < test::countOf(1500); ++k) {
+    for (int k = 0; k < countOf(1500); ++k) {
         const int n = 2 + k % (kMaxJoints - 1);
         JointVector inside;
         Problem p = drawBox(random, n, std::pow(10.0, drawUniform(random, 0, 3)), inside);
@@ -364,15 +355,15 @@ TEST(RowQp, AgreesWithLeastDistanceProgramming) {
     }
     worst.print("least distance");
     EXPECT_LE(undecided, 5);
-    EXPECT_GT(worst.infeasible, 2 * test::countOf(50));
+    EXPECT_GT(worst.infeasible, 2 * countOf(50));
     EXPECT_LT(worst.stationarity, 1e-9);
     EXPECT_LT(worst.rows, RowQp::kRowTolerance);
 }
 
 /** Problems that a known point keeps; VIABLE_SEED is for another series. */
 void checkResiduals(const char* title, int count, long seed, double greatestCondition, double nearness) {
-    count = test::countOf(count);
-    seed = test::getSeed(seed);
+    count = countOf(count);
+    seed = getSeed(seed);
     std::mt19937_64 random(seed);
     RowQp qp;
     Worst worst;
@@ -414,7 +405,7 @@ TEST(Fault36, AtItsBoundARowProblemIsStillInTime) {
     RowQp qp;
     Problem slowest, last;
     int most = 0, mostBefore = 0;
-    const int count = test::countOf(300);
+    const int count = countOf(300);
     for (int k = 0; k < count; ++k) {
         JointVector inside, x;
         Problem p = drawBox(random, kMaxJoints, drawLog(random, 1, 1e12), inside);
@@ -466,7 +457,7 @@ TEST(RowQp, RowsParallelButForRounding) {
     std::mt19937_64 random(56);
     RowQp qp;
     Worst worst;
-    int failed = 0, refused = 0, count = test::countOf(20000);
+    int failed = 0, refused = 0, count = countOf(20000);
     for (int k = 0; k < count; ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside;
@@ -503,7 +494,7 @@ TEST(RowQp, AgreesWithBoxQpWithoutRows) {
     std::mt19937_64 random(57);
     RowQp qp;
     double worst = 0.0;
-    for (int k = 0; k < test::countOf(20000); ++k) {
+    for (int k = 0; k < countOf(20000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, expected;
         const Problem p = drawBox(random, n, drawLog(random, 1, 1e4), inside);
@@ -545,7 +536,7 @@ TEST(RowQp, ContradictoryRowsAreToldAsSuch) {
     std::mt19937_64 random(59);
     RowQp qp;
     int most = 0;
-    for (int k = 0; k < test::countOf(20000); ++k) {
+    for (int k = 0; k < countOf(20000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, ofOther;
         Problem p = drawBox(random, n, drawLog(random, 1, 1e7), inside);
@@ -580,7 +571,7 @@ TEST(RowQp, ContradictoryRowsAreToldAsSuch) {
 TEST(RowQp, RowsBeyondTheBoxAreToldAsSuch) {
     std::mt19937_64 random(60);
     RowQp qp;
-    for (int k = 0; k < test::countOf(20000); ++k) {
+    for (int k = 0; k < countOf(20000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, ofOther;
         Problem p = drawBox(random, n, drawLog(random, 1, 1e7), inside);
@@ -634,7 +625,7 @@ TEST(RowQp, ManyPlanesThroughTheOptimum) {
     std::mt19937_64 random(61);
     RowQp qp;
     Worst worst;
-    for (int k = 0; k < test::countOf(2000); ++k) {
+    for (int k = 0; k < countOf(2000); ++k) {
         const int n = 2 + k % (kMaxJoints - 1);
         JointVector corner = drawVector(random, n, 10.0), x;
         Problem p{drawMatrix(random, n, 100.0), corner, corner.array() - 50.0, corner, {}};
@@ -694,8 +685,8 @@ TEST(RowQp, AClosedLoopSlidesAlongWalls) {
 /** Sequences of problems that change a little from one to the next, rows that come, go and change places, some degenerate, some
 without a solution: the one solver has the set of the last problem to begin with, the other never. */
 TEST(RowQp, WithTheLastSetItComesToTheSameOptimum) {
-    const int count = test::countOf(400);
-    const long seed = test::getSeed(67);
+    const int count = countOf(400);
+    const long seed = getSeed(67);
     std::mt19937_64 random(seed);
     RowQp warm;
     double worst = 0.0;
@@ -752,7 +743,7 @@ TEST(RowQp, WithTheLastSetItComesToTheSameOptimum) {
 TEST(RowQp, ResetForgetsTheLastSet) {
     std::mt19937_64 random(68);
     RowQp qp;
-    for (int k = 0; k < test::countOf(500); ++k) {
+    for (int k = 0; k < countOf(500); ++k) {
         JointVector inside, x, expected;
         Problem p = drawBox(random, 1 + k % kMaxJoints, 100.0, inside);
         addRows(random, p, inside, 16);
@@ -784,7 +775,7 @@ TEST(RowQp, TakesNoMemory) {
 TEST(Fault33, BoxAndRowsCrossedByRounding) {
     std::mt19937_64 random(64);
     RowQp qp;
-    for (int k = 0; k < test::countOf(20000); ++k) {
+    for (int k = 0; k < countOf(20000); ++k) {
         const int n = 2 + k % (kMaxJoints - 1), joint = k % n;
         JointVector inside, x;
         Problem p = drawBox(random, n, 1e3, inside);
@@ -853,7 +844,7 @@ TEST(Fault34, InputsThatAreNotFiniteGiveTheTargetCutOff) {
 TEST(Fault34, AbsurdNumbersStayInTheBox) {
     std::mt19937_64 random(65);
     RowQp qp;
-    for (int k = 0; k < test::countOf(30000); ++k) {
+    for (int k = 0; k < countOf(30000); ++k) {
         const int n = 1 + k % kMaxJoints;
         JointVector inside, x;
         Problem p = drawBox(random, n, 100.0, inside);
@@ -911,4 +902,4 @@ TEST(Fault35, AfterAFailureTheNextSolveIsThatOfAFreshSolver) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,7 +1,6 @@
 // What the system grants and refuses; fault 27. Each case is a process of its own, with the user and the limits it needs.
 #include "realtime/RealTimeSetup.h"
 
-#include <gtest/gtest.h>
 #include <linux/capability.h>
 #include <pthread.h>
 #include <sched.h>
@@ -18,11 +17,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
-#include <string>
 #include <system_error>
 #include <thread>
 #include <utility>
-#include <vector>
 
 #include "ExpectContains.h"
 
@@ -45,10 +42,8 @@ extern "C" int getrlimit(__rlimit_resource_t resource, rlimit* limit) noexcept {
     return code;
 }
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr bool kLocks = false;  // sanitizers replace mlockall() by nothing
@@ -275,4 +270,4 @@ TEST(RealTimeSetup, AWishWithoutPriorityIsNotRealTime) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

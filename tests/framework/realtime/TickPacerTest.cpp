@@ -6,7 +6,6 @@
 #include <signal.h>
 #include <time.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>

@@ -4,13 +4,10 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <random>
-#include <string>
 
 #include "ExpectContains.h"
 #include "SampleArm.h"
 #include "robot/DynamicsCheck.h"
-#include "viable/core/Error.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

@@ -1,3 +1,4 @@
+#include "Complaint.h"
 #include "RobotFolder.h"
 
 namespace viable {
@@ -14,12 +15,7 @@ protected:
         return path;
     }
     std::string findFault(const std::string& name) {
-        try {
-            findRobot(name, path_, "file.yaml:3:8: robot");
-        } catch (const Error& error) {
-            return error.what();
-        }
-        return "found";
+        return test::catchError([&] { findRobot(name, path_, "file.yaml:3:8: robot"); });
     }
     TemporaryFolder temporary_;
     fs::path first_ = temporary_.path() / "first";

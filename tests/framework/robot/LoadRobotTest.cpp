@@ -1,7 +1,6 @@
 #include <sys/stat.h>
 
 #include <cmath>
-#include <limits>
 
 #include "RobotFolder.h"
 

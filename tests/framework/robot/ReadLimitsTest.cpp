@@ -1,9 +1,11 @@
 #include <cmath>
 
+#include "Complaint.h"
+#include "Joints.h"
 #include "RobotFolder.h"
 #include "viable/config/Settings.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 JointLimits makeBase() {
@@ -32,18 +34,7 @@ JointLimits read(const std::string& text, bool* allowLargeAngles = nullptr) {
 }
 
 std::string findFault(const std::string& text) {
-    try {
-        read(text);
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return "accepted";
-}
-
-JointVector vector(double a, double b, double c) {
-    JointVector v(3);
-    v << a, b, c;
-    return v;
+    return catchError([&] { read(text); });
 }
 
 TEST(ReadLimits, TakesEveryForm) {
@@ -51,21 +42,21 @@ TEST(ReadLimits, TakesEveryForm) {
         "velocity_radps: 3\nacceleration_radps2: [1, 2, 3]\n"
         "jerk_radps3: {lower: [-1, -2, -3], upper: 2*pi}\n"
         "position_rad: {center: [1, 0, -1], half_range: [0.5, 1, pi]}\n");
-    EXPECT_EQ(limits.velocity.upper, vector(3, 3, 3));
-    EXPECT_EQ(limits.velocity.lower, vector(-3, -3, -3));
-    EXPECT_EQ(limits.acceleration.lower, vector(-1, -2, -3));
-    EXPECT_EQ(limits.jerk.lower, vector(-1, -2, -3));
+    EXPECT_EQ(limits.velocity.upper, joints(3, 3, 3));
+    EXPECT_EQ(limits.velocity.lower, joints(-3, -3, -3));
+    EXPECT_EQ(limits.acceleration.lower, joints(-1, -2, -3));
+    EXPECT_EQ(limits.jerk.lower, joints(-1, -2, -3));
     EXPECT_NEAR(limits.jerk.upper[2], 2 * EIGEN_PI, 1e-15);
-    EXPECT_EQ(limits.position.lower, vector(0.5, -1, -1 - EIGEN_PI));
-    EXPECT_EQ(limits.position.upper, vector(1.5, 1, -1 + EIGEN_PI));
+    EXPECT_EQ(limits.position.lower, joints(0.5, -1, -1 - EIGEN_PI));
+    EXPECT_EQ(limits.position.upper, joints(1.5, 1, -1 + EIGEN_PI));
 }
 
 TEST(ReadLimits, KeepsWhatTheBlockDoesNotName) {
     const JointLimits limits = read("velocity_radps: .inf\n");
-    EXPECT_EQ(limits.position.upper, vector(2, 2, 2));
+    EXPECT_EQ(limits.position.upper, joints(2, 2, 2));
     EXPECT_TRUE(std::isinf(limits.jerk.upper[0]));
     const JointLimits oneSided = read("position_rad: {lower: 0, upper: .inf}\n");
-    EXPECT_EQ(oneSided.position.lower, vector(0, 0, 0));
+    EXPECT_EQ(oneSided.position.lower, joints(0, 0, 0));
     EXPECT_TRUE(std::isinf(oneSided.position.upper[0]));
     bool allow = false;
     read("allow_large_angles: true\n", &allow);
@@ -84,8 +75,8 @@ TEST(ReadLimits, RefusesOtherForms) {
     EXPECT_NE(findFault("position_rad: {center: 0, half_range: 1, lower: 0}\n").find("lower"), std::string::npos);
     EXPECT_NE(findFault("position_rad: {center: 0, half_range: -1}\n").find("half_range"), std::string::npos);
     EXPECT_NE(findFault("velocity_radp: 1\n").find("Did you mean"), std::string::npos);
-    EXPECT_NE(findFault("velocity_radps: .nan\n"), "accepted");
+    EXPECT_NE(findFault("velocity_radps: .nan\n"), "");
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,9 +1,6 @@
 #include <Eigen/Cholesky>
-#include <chrono>
 #include <cmath>
 #include <limits>
-#include <random>
-#include <string>
 #include <tuple>
 #include <vector>
 

@@ -1,11 +1,6 @@
 #include "viable/robot/TorqueSender.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "TestArm.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 namespace {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <complex>
 #include <random>
 #include <unsupported/Eigen/MatrixFunctions>
 #include <vector>

@@ -1,8 +1,7 @@
 #include "AccelerationViability.h"
 
-#include <gtest/gtest.h>
-
-#include "TestArm.h"
+#include "ExpectContains.h"
+#include "LawBench.h"
 #include "viable/core/Numbers.h"
 
 namespace viable {
@@ -27,54 +26,14 @@ double calcOvershootBound(const JointLimits& limits, double tick_s) {
     return bound;
 }
 
+using Bench = LawBench<AccelerationViability>;
+
 class AccelerationViabilityTest : public ::testing::Test {
 protected:
-    static Parameters read(const TestArm& arm, const std::string& text) {
-        return arm.read(PluginKind::SafetyFilter, "acceleration_viability", text);
-    }
-
-    static std::string findConfigureComplaint(TestArm& arm, const std::string& text) {
-        return findComplaint([&] {
-            AccelerationViability filter;
-            filter.configure(arm.setup(), read(arm, text));
-        });
-    }
-
-    struct Outcome {
-        LimitExcess excess;
-        int infeasible = 0, modified = 0, passed = 0;
-    };
-
-    /** Lets desired accelerations push the nominal arm about, from rest at the home pose.
-    @param dynamicsOf  the dynamics at a state */
-    template <class DynamicsOf>
-    static Outcome run(TestArm& arm, const std::string& parameters, double duration_s, PushingCommand push,
-                       DynamicsOf dynamicsOf) {
-        AccelerationViability filter;
-        filter.configure(arm.setup(), read(arm, parameters));
-        filter.reset(arm.start);
-        MotionState state = arm.start;
-        FilterDecision decision;
-        JointVector torque;
-        Outcome outcome;
-        const int ticks = static_cast<int>(std::lround(duration_s / arm.tick_s));
-        for (int k = 0; k < ticks; ++k) {
-            const Dynamics& dynamics = dynamicsOf(state);
-            calcInverseDynamics(dynamics, push.next(), torque);
-            const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
-            outcome.infeasible += status == FilterStatus::Infeasible;
-            outcome.modified += status == FilterStatus::Modified;
-            outcome.passed += status == FilterStatus::Passed;
-            EXPECT_LE(status, FilterStatus::Infeasible);
-            const JointVector jerk = calcJerk(decision, state.qdd, arm.tick_s);
-            advanceNominal(decision, arm.tick_s, state);
-            outcome.excess.observe(jerk, state, arm.limits);
-        }
-        return outcome;
-    }
+    static constexpr const char* kName = "acceleration_viability";
 
     /** The limits hold and the run was worth looking at. */
-    static void expectHeld(const Outcome& outcome, const JointLimits& limits, double tick_s) {
+    static void expectHeld(const LawOutcome& outcome, const JointLimits& limits, double tick_s) {
         EXPECT_LE(outcome.excess.velocity, 1e-9);
         EXPECT_LE(outcome.excess.acceleration, 1e-9);
         EXPECT_LE(outcome.excess.position, calcOvershootBound(limits, tick_s) + 1e-12);
@@ -84,29 +43,22 @@ protected:
 };
 
 TEST_F(AccelerationViabilityTest, SingleJointStaysInsideButForTheJerk) {
-    TestArm arm("single_joint");
-    const Dynamics unit = makeUnitDynamics(1);
+    Bench bench("single_joint", kName);
     for (const bool bangBang : {false, true}) {
         for (unsigned seed = 1; seed <= 20; ++seed) {
-            const Outcome outcome = run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, bangBang, seed),
-                                        [&](const MotionState&) -> const Dynamics& { return unit; });
+            const LawOutcome outcome = bench.push("k_alpha: 5", 20.0, 30.0, bangBang, seed);
             SCOPED_TRACE("seed " + std::to_string(seed));
-            expectHeld(outcome, arm.limits, arm.tick_s);
+            expectHeld(outcome, bench.arm.limits, bench.arm.tick_s);
             EXPECT_GT(outcome.excess.jerk, 10.0);  // times the limit, at the least
         }
     }
 }
 
 TEST_F(AccelerationViabilityTest, ArmStaysInsideButForTheJerk) {
-    TestArm arm("indy7");
-    Dynamics dynamics;
+    Bench bench("indy7", kName);
     for (const bool bangBang : {false, true}) {
-        const Outcome outcome = run(arm, "k_alpha: 5", 20.0, PushingCommand(6, 40.0, bangBang, 7),
-                                    [&](const MotionState& s) -> const Dynamics& {
-                                        arm.model().calcDynamics(s.q, s.qd, dynamics);
-                                        return dynamics;
-                                    });
-        expectHeld(outcome, arm.limits, arm.tick_s);
+        const LawOutcome outcome = bench.push("k_alpha: 5", 20.0, 40.0, bangBang, 7);
+        expectHeld(outcome, bench.arm.limits, bench.arm.tick_s);
         EXPECT_GT(outcome.excess.jerk, 10.0);
     }
 }
@@ -114,13 +66,12 @@ TEST_F(AccelerationViabilityTest, ArmStaysInsideButForTheJerk) {
 // A joint that is pushed at its limit for ever must not creep through it, whatever the remainder of
 // velocity with which it arrives there.
 TEST_F(AccelerationViabilityTest, PushingForEverDoesNotCreepThroughTheLimit) {
-    TestArm arm("single_joint");
+    Bench bench("single_joint", kName);
+    TestArm& arm = bench.arm;
     const Dynamics unit = makeUnitDynamics(1);
     std::mt19937 random(11);
     for (int k = 0; k < 200; ++k) {
-        AccelerationViability filter;
-        filter.configure(arm.setup(), read(arm, "k_alpha: 5"));
-        filter.reset(arm.start);
+        const auto filter = bench.make("k_alpha: 5");
         MotionState state = arm.start;
         const double side = k % 2 ? 1.0 : -1.0;
         state.q[0] = side * std::uniform_real_distribution<double>(2.0, kPi)(random);
@@ -129,7 +80,7 @@ TEST_F(AccelerationViabilityTest, PushingForEverDoesNotCreepThroughTheLimit) {
         LimitExcess excess;
         double stood = 0.0;
         for (int tick = 0; tick < 20000; ++tick) {
-            ASSERT_EQ(filter.filter({state, torque, unit}, decision), FilterStatus::Modified);
+            ASSERT_EQ(filter->filter({state, torque, unit}, decision), FilterStatus::Modified);
             const JointVector jerk = calcJerk(decision, state.qdd, arm.tick_s);
             advanceNominal(decision, arm.tick_s, state);
             excess.observe(jerk, state, arm.limits);
@@ -146,8 +97,8 @@ TEST_F(AccelerationViabilityTest, RandomLimitsIncludingOnesThatATickCrossesAreHe
     const auto draw = [&](double low, double high) {  // evenly in the logarithm
         return std::exp(std::uniform_real_distribution<double>(std::log(low), std::log(high))(random));
     };
-    TestArm arm("single_joint");
-    const Dynamics unit = makeUnitDynamics(1);
+    Bench bench("single_joint", kName);
+    TestArm& arm = bench.arm;
     for (int k = 0; k < 300; ++k) {
         arm.tick_s = k % 3 == 0 ? 0.004 : 0.001;
         // Down to velocity limits that half a tick of full acceleration passes.
@@ -157,8 +108,7 @@ TEST_F(AccelerationViabilityTest, RandomLimitsIncludingOnesThatATickCrossesAreHe
         arm.limits.acceleration.lower[0] = -draw(0.5, 50.0);
         arm.limits.position.upper[0] = draw(0.01, 3.0);
         arm.limits.position.lower[0] = -draw(0.01, 3.0);
-        const Outcome outcome = run(arm, "k_alpha: 5", 5.0, PushingCommand(1, 100.0, true, 100 + k),
-                                    [&](const MotionState&) -> const Dynamics& { return unit; });
+        const LawOutcome outcome = bench.push("k_alpha: 5", 5.0, 100.0, true, 100 + k);
         SCOPED_TRACE("limits " + std::to_string(k));
         EXPECT_LE(outcome.excess.velocity, 1e-9);
         EXPECT_LE(outcome.excess.acceleration, 1e-9);
@@ -169,13 +119,11 @@ TEST_F(AccelerationViabilityTest, RandomLimitsIncludingOnesThatATickCrossesAreHe
 TEST_F(AccelerationViabilityTest, OvershootShrinksWithTheSquareOfTheTick) {
     double worst[2] = {};
     for (int i = 0; i < 2; ++i) {
-        TestArm arm("single_joint", i == 0 ? 0.01 : 0.001);
-        const Dynamics unit = makeUnitDynamics(1);
+        Bench bench("single_joint", kName, i == 0 ? 0.01 : 0.001);
         for (unsigned seed = 1; seed <= 10; ++seed) {
-            const Outcome outcome = run(arm, "k_alpha: 5", 20.0, PushingCommand(1, 30.0, true, seed),
-                                        [&](const MotionState&) -> const Dynamics& { return unit; });
+            const LawOutcome outcome = bench.push("k_alpha: 5", 20.0, 30.0, true, seed);
             worst[i] = std::max(worst[i], outcome.excess.position);
-            EXPECT_LE(outcome.excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
+            EXPECT_LE(outcome.excess.position, calcOvershootBound(bench.arm.limits, bench.arm.tick_s) + 1e-12);
         }
     }
     RecordProperty("overshoot_at_10_ms_rad", std::to_string(worst[0]));
@@ -184,10 +132,9 @@ TEST_F(AccelerationViabilityTest, OvershootShrinksWithTheSquareOfTheTick) {
 
 TEST_F(AccelerationViabilityTest, AdmissibleTorquePassesBitForBit) {
     for (const char* robot : {"single_joint", "indy7"}) {
-        TestArm arm(robot);
-        AccelerationViability filter;
-        filter.configure(arm.setup(), read(arm, ""));
-        filter.reset(arm.start);
+        Bench bench(robot, kName);
+        TestArm& arm = bench.arm;
+        const auto filter = bench.make();
         std::mt19937 random(5);
         for (int k = 0; k < 200; ++k) {
             MotionState state = arm.start;
@@ -197,7 +144,7 @@ TEST_F(AccelerationViabilityTest, AdmissibleTorquePassesBitForBit) {
             JointVector torque;
             calcInverseDynamics(dynamics, makeRandomVector(arm.size(), 2.0, random), torque);
             FilterDecision decision;
-            ASSERT_EQ(filter.filter({state, torque, dynamics}, decision), FilterStatus::Passed);
+            ASSERT_EQ(filter->filter({state, torque, dynamics}, decision), FilterStatus::Passed);
             ASSERT_EQ(calcTorque({state, torque, dynamics}, FilterStatus::Passed, decision), torque);
             EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
             for (int i = 0; i < arm.size(); ++i) EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
@@ -206,18 +153,17 @@ TEST_F(AccelerationViabilityTest, AdmissibleTorquePassesBitForBit) {
 }
 
 TEST_F(AccelerationViabilityTest, SaysWhichLimitActs) {
-    TestArm arm("single_joint");
+    Bench bench("single_joint", kName);
+    TestArm& arm = bench.arm;
     const Dynamics unit = makeUnitDynamics(1);
-    AccelerationViability filter;
-    filter.configure(arm.setup(), read(arm, ""));
-    filter.reset(arm.start);
+    const auto filter = bench.make();
     const double A = 3.0 * kPi, P = kPi, V = 2.0 * kPi;
     const auto decide = [&](double q, double qd, double push) {
         MotionState state = arm.start;
         state.q[0] = q;
         state.qd[0] = qd;
         FilterDecision decision;
-        EXPECT_EQ(filter.filter({state, JointVector::Constant(1, push), unit}, decision), FilterStatus::Modified);
+        EXPECT_EQ(filter->filter({state, JointVector::Constant(1, push), unit}, decision), FilterStatus::Modified);
         return decision;
     };
     FilterDecision d = decide(0.0, 0.0, 100.0);
@@ -242,55 +188,50 @@ TEST_F(AccelerationViabilityTest, SaysWhichLimitActs) {
 }
 
 TEST_F(AccelerationViabilityTest, Fault08TooSteepAlphaForTheTickIsRefused) {
-    TestArm arm("indy7", 0.01);
-    const std::string complaint = findConfigureComplaint(arm, "k_alpha: 101");
-    EXPECT_CONTAINS(complaint, "experiment.yaml:1:");
-    EXPECT_CONTAINS(complaint, "plugin_block.k_alpha");
-    EXPECT_CONTAINS(complaint, "k_alpha * tick_s is 1.01");
-    EXPECT_CONTAINS(complaint, "allowed (0, 1]");
-    EXPECT_CONTAINS(complaint, "1 / tick_s");
-    EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100"), "");
-    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
-    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: -1"), "k_alpha");
+    Bench bench("indy7", kName, 0.01);
+    test::expectContains(
+        bench.findConfigureComplaint("k_alpha: 101"),
+        {"experiment.yaml:1:", "plugin_block.k_alpha", "k_alpha * tick_s is 1.01", "allowed (0, 1]", "1 / tick_s"});
+    EXPECT_EQ(bench.findConfigureComplaint("k_alpha: 100"), "");
+    EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 0"), "k_alpha");
+    EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: -1"), "k_alpha");
 }
 
 TEST_F(AccelerationViabilityTest, UnlimitedAccelerationIsRefused) {
-    TestArm arm("single_joint");
-    arm.limits.acceleration.upper[0] = kInfinity;
-    EXPECT_CONTAINS(findConfigureComplaint(arm, ""), "finite acceleration limit");
+    Bench bench("single_joint", kName);
+    bench.arm.limits.acceleration.upper[0] = kInfinity;
+    EXPECT_CONTAINS(bench.findConfigureComplaint(""), "finite acceleration limit");
 }
 
 TEST_F(AccelerationViabilityTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
-    TestArm arm("indy7");
-    AccelerationViability filter;
-    filter.configure(arm.setup(), read(arm, ""));
-    filter.reset(arm.start);
+    Bench bench("indy7", kName);
+    TestArm& arm = bench.arm;
+    const auto filter = bench.make();
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     const JointVector torque = dynamics.gravity;
     FilterDecision decision;
     for (const double bad : {kNan, kInfinity, -kInfinity}) {
         JointVector badTorque = torque;
         badTorque[3] = bad;
-        EXPECT_EQ(filter.filter({arm.start, badTorque, dynamics}, decision), FilterStatus::InvalidInput);
+        EXPECT_EQ(filter->filter({arm.start, badTorque, dynamics}, decision), FilterStatus::InvalidInput);
         MotionState badState = arm.start;
         badState.q[5] = bad;
-        EXPECT_EQ(filter.filter({badState, torque, dynamics}, decision), FilterStatus::InvalidInput);
+        EXPECT_EQ(filter->filter({badState, torque, dynamics}, decision), FilterStatus::InvalidInput);
     }
-    EXPECT_EQ(filter.filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
+    EXPECT_EQ(filter->filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
     EXPECT_EQ(decision.value.size(), 0);
 }
 
 TEST_F(AccelerationViabilityTest, Fault29HugeAndTinyTorquesKeepTheLimits) {
-    TestArm arm("indy7");
-    AccelerationViability filter;
-    filter.configure(arm.setup(), read(arm, ""));
-    filter.reset(arm.start);
+    Bench bench("indy7", kName);
+    TestArm& arm = bench.arm;
+    const auto filter = bench.make();
     MotionState state = arm.start;
     LimitExcess excess;
     FilterDecision decision;
     AbsurdTorques torques(arm.size());
     for (int k = 0; k < AbsurdTorques::kTicks; ++k) {
-        const FilterStatus status = filter.filter({state, torques.next(), arm.calcDynamics(state)}, decision);
+        const FilterStatus status = filter->filter({state, torques.next(), arm.calcDynamics(state)}, decision);
         ASSERT_TRUE(status == FilterStatus::Modified || status == FilterStatus::Passed)
             << getName(status) << " in tick " << k;
         const JointVector jerk = calcJerk(decision, state.qdd, arm.tick_s);
@@ -305,20 +246,17 @@ TEST_F(AccelerationViabilityTest, Fault29HugeAndTinyTorquesKeepTheLimits) {
 }
 
 TEST_F(AccelerationViabilityTest, ResetGivesTheSameAnswersAgain) {
-    TestArm arm("indy7");
-    AccelerationViability filter;
-    filter.configure(arm.setup(), read(arm, ""));
-    expectSameAnswersAfterReset(filter, arm);
+    Bench bench("indy7", kName);
+    expectSameAnswersAfterReset(*bench.make(), bench.arm);
 }
 
 TEST_F(AccelerationViabilityTest, LoadsAsALibrary) {
     TestArm arm("indy7");
-    const auto plugin =
-        PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "acceleration_viability"));
+    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, kName));
     EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
     AccelerationViability own;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
-        filter->configure(arm.setup(), read(arm, ""));
+        filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, kName, ""));
         filter->reset(arm.start);
     }
     const Dynamics dynamics = arm.calcDynamics(arm.start);

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include "CaseSupport.h"
 
 // What a change is measured in: `objective`. That all of them keep the limits: viable_properties limits --objective.

@@ -1,7 +1,5 @@
 #include "ExponentialCbf.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
 
 #include "LawBench.h"

@@ -1,7 +1,5 @@
 #include "IdealPlant.h"
 
-#include <gtest/gtest.h>
-
 #include "CaseSupport.h"
 #include "TestArm.h"
 

@@ -1,9 +1,5 @@
 #include "JerkLimitedRate.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdio>
-
 #include "LawBench.h"
 #include "viable/core/Numbers.h"
 

@@ -1,9 +1,5 @@
 #include "JointPd.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-
 #include "TestArm.h"
 #include "viable/core/Numbers.h"
 

@@ -1,47 +1,20 @@
 #include "JointServo.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "CaseSupport.h"
 #include "Effort.h"
 #include "ExpectContains.h"
 #include "TestArm.h"
-#include "viable/core/JointTypes.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using test::expectContains;
-using test::readTestExperiment;
-
 /** Set-points that jump, three in ten of them beyond a limit. */
-constexpr char kJumps[] = R"(schema: 1
-title: jumps
-robot: indy7
-duration_s: 20
-limits:
-  position_rad: {center: [0, -pi/12, -pi/2, 0, -5*pi/12, 0], half_range: [pi/6, pi/12, pi/6, pi/12, pi/6, pi/3]}
-  velocity_radps: 2*pi/3
-  acceleration_radps2: 4*pi
-  jerk_radps3: 12*pi
-command: {plugin: random_steps, seed: 1, shortest_s: 1, longest_s: 6}
-controller: {plugin: joint_servo}
-filter: {plugin: certified_braking}
-cases: {A: {}}
-)";
-
-Summary run(const std::vector<std::string>& overrides = {}) {
-    const Experiment experiment = readTestExperiment(kJumps, overrides);
-    const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
-    EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
-    return result.summary;
-}
-
-double passedShare(const Summary& s) {
-    return static_cast<double>(s.ticksWith(FilterStatus::Passed)) / static_cast<double>(s.ticks());
+Summary run(std::vector<std::string> overrides = {}) {
+    overrides.insert(overrides.begin(),
+                     {"duration_s=20", "command={plugin: random_steps, seed: 1, shortest_s: 1, longest_s: 6}",
+                      "controller={plugin: joint_servo}", "filter={plugin: certified_braking}"});
+    return runNominalArm(overrides);
 }
 
 TEST(JointServo, CertifiedFiltersPassItAndLimitsAreKept) {
@@ -82,7 +55,7 @@ TEST(JointServo, FollowsAMovingSetPoint) {
 }
 
 TEST(JointServo, NeedsAJerkLimit) {
-    expectContains(test::catchError([] {
+    expectContains(catchError([] {
                        run({"limits.jerk_radps3=.inf", "filter.plugin=pass_through"});
                    }),
                    {"joint_servo", "jerk limit", "limits.jerk_radps3"});
@@ -103,7 +76,7 @@ TEST(JointServo, TakesNoMemoryInItsTicks) {
     ControllerOutput output;
     ASSERT_EQ(servo.compute({command, state, dynamics}, output), TickStatus::Ok);
     const testing::AllocationCounter counter;
-    for (int tick = 0; tick < test::countOf(20000); ++tick) {
+    for (int tick = 0; tick < countOf(20000); ++tick) {
         if (tick % 700 == 0) command.q[tick / 700 % 6] = 3.0 * std::sin(tick);
         if (tick % 5000 == 4999) servo.reset(state);
         ASSERT_EQ(servo.compute({command, state, dynamics, {1e-3 * tick, tick % 900 == 0 ? 3 : 0}}, output),
@@ -117,4 +90,4 @@ TEST(JointServo, TakesNoMemoryInItsTicks) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

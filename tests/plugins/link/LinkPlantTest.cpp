@@ -1,7 +1,6 @@
 // The plant `link` against a robot in a thread of the test, over UDP and shared memory; faults 83 to 86.
 #include "LinkPlant.h"
 
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/stat.h>
 #include <time.h>
@@ -9,14 +8,10 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <deque>
 #include <functional>
 #include <limits>
-#include <memory>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "ExpectContains.h"
 #include "TemporaryFolder.h"

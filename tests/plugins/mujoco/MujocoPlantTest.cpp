@@ -1,9 +1,5 @@
 #include "MujocoPlant.h"
 
-#include <gtest/gtest.h>
-
-#include <filesystem>
-
 #include "CaseSupport.h"
 #include "TestArm.h"
 #include "viable/testing/AllocationCounter.h"

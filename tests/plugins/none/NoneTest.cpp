@@ -1,7 +1,5 @@
 #include "None.h"
 
-#include <gtest/gtest.h>
-
 #include "TestArm.h"
 #include "viable/core/Numbers.h"
 

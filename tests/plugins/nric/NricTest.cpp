@@ -1,12 +1,6 @@
-#include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
 #include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
-
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
 
 #include "TestArm.h"
 

@@ -1,9 +1,6 @@
 #include "PassThrough.h"
 
-#include <gtest/gtest.h>
 #include <Eigen/LU>
-
-#include <limits>
 
 #include "TestArm.h"
 #include "viable/core/Numbers.h"

@@ -1,8 +1,7 @@
 #include "RandomSteps.h"
 
-#include <set>
-
 #include "CommandBench.h"
+#include "Complaint.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -24,13 +23,7 @@ struct Source : RandomSteps {
 };
 
 std::string findComplaint(const CommandBench& bench, const std::string& text) {
-    try {
-        Source source(bench, text);
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return {};
+    return test::findComplaint([&] { Source source(bench, text); });
 }
 
 TEST(RandomSteps, HoldsPositionsForTimesInTheRangeAndGoesBeyondTheLimitsAsOftenAsAsked) {

@@ -1,7 +1,5 @@
-#include "Paths.h"
 #include "RecordedPoses.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <functional>

@@ -1,8 +1,3 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-
 #include "SimbodyPlant.h"
 #include "TestArm.h"
 #include "viable/testing/AllocationCounter.h"

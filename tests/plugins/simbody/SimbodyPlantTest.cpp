@@ -1,9 +1,5 @@
 #include "SimbodyPlant.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdio>
-#include <limits>
 #include <vector>
 
 #include "TestArm.h"

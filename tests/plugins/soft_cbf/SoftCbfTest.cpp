@@ -1,7 +1,5 @@
 #include "SoftCbf.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
 
 #include "LawBench.h"

@@ -1,12 +1,9 @@
 #include "Stream.h"
 
-#include <gtest/gtest.h>
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -17,7 +14,6 @@
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
-#include <string>
 #include <vector>
 
 #include "CommandBench.h"

@@ -1,11 +1,9 @@
 #include "TaskSpacePd.h"
 
-#include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include <cstdio>
-#include <limits>
 
 #include "TestArm.h"
 #include "viable/core/Numbers.h"

@@ -1,6 +1,3 @@
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <iostream>
 #include <optional>
 #include <random>
@@ -9,7 +6,7 @@
 #include "Effort.h"
 #include "plugin/Teleoperation.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using Eigen::Vector3d;
@@ -49,7 +46,7 @@ public:
         std::string start = "start={position_rad: [";
         for (int i = 0; i < q.size(); ++i) start += (i ? ", " : "") + std::to_string(q[i]);
         const Experiment experiment =
-            test::readTestExperiment(kFile, {"robot=" + robot, start + "]}", "controller=" + controller});
+            readTestExperiment(kFile, {"robot=" + robot, start + "]}", "controller=" + controller});
         configured_ = configureCase(experiment.cases.front());
         command_ = &dynamic_cast<TeleoperatedCommand&>(*configured_->plugins.command);
         loop_.emplace(configured_->setup, std::move(configured_->plugins));
@@ -138,8 +135,8 @@ TEST(BarredHand, AFoldedArmRestsAsNearAsItComes) {
 TEST(BarredHand, InACornerAnArmRests) {
     JointVector middle(6);
     middle << 0.035, -1.14, -1.337, -0.216, -0.775, 0.108;
-    const long seed = test::getSeed(6);
-    const int count = test::countOf(24);
+    const long seed = getSeed(6);
+    const int count = countOf(24);
     std::mt19937 random(static_cast<std::mt19937::result_type>(seed));
     std::uniform_real_distribution<double> one(-1.0, 1.0);
     int restless = 0, barred = 0, k = 0;
@@ -193,9 +190,9 @@ TEST(BarredHand, LetGoAsItTurnsRoundTheArmStops) {
 
 // Whatever bars the way, the arm itself, a limit or an obstacle: the arm comes to rest, and no farther from the hand than before.
 TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
-    const int count = test::countOf(16);
+    const int count = countOf(16);
     for (const char* robot : {"indy7", "ur5e", "panda"}) {
-        const long seed = test::getSeed(5);
+        const long seed = getSeed(5);
         std::mt19937 random(static_cast<std::mt19937::result_type>(seed));
         std::uniform_real_distribution<double> share(0.05, 0.95), one(-1.0, 1.0);
         const RobotDescription arm = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + robot);
@@ -235,4 +232,4 @@ TEST(BarredHand, AnyArmRestsAsNearAsItComes) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,8 +1,5 @@
 #include "Teleoperation.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <limits>
 #include <random>
 
@@ -66,6 +63,16 @@ public:
         message_.sent_s = now_ + 1000.0;  // of another clock
         source_.feed()->put(message_);
         tick(ticks);
+    }
+    /** The same, the switch being as this. */
+    void press(unsigned engagement, int ticks = 20) {
+        message_.engagement = engagement;
+        send(ticks);
+    }
+    /** The same, the hand being so much farther along x [m]. */
+    void advance(double way, int ticks = 20) {
+        message_.hand.position.x() += way;
+        send(ticks);
     }
     /** The loop stands still, the clock does not. */
     void pause(double seconds) { now_ += seconds; }
@@ -143,24 +150,20 @@ TEST(Teleoperation, AxesAndPartsOfTheHandAreMapped) {
 TEST(Teleoperation, AnotherScaleMovesNothing) {
     Bench bench;
     HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    bench.send();
-    hand.hand.position.x() += 0.1;
-    bench.send();
+    bench.press(1);
+    bench.advance(0.1);
     const Pose before = bench.command().tool;
     hand.scale = 5.0;
     bench.send();
     expectSamePose(bench.command().tool, before);
-    hand.hand.position.x() += 0.02;
-    bench.send();
+    bench.advance(0.02);
     EXPECT_NEAR(bench.command().tool.position.x() - before.position.x(), 0.1, 1e-12);
 }
 
 TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengagingNeverJumps) {
     Bench bench;
     HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    bench.send();
+    bench.press(1);
     for (int k = 0; k < 20; ++k) {
         hand.hand.position.z() += 0.09;  // far out of reach
         bench.send();
@@ -170,8 +173,7 @@ TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengaging
     rest[1] += 0.25;
     rest[2] = std::numeric_limits<double>::quiet_NaN();  // a joint without a stop
     bench.source().observe(q, rest);
-    hand.engagement = 0;
-    bench.send(1);
+    bench.press(0, 1);
     rest[2] = q[2];
     EXPECT_EQ(bench.state(), State::Released);
     expectSamePose(bench.command().tool, bench.poseOf(rest));
@@ -185,11 +187,8 @@ TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengaging
 
 TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
     Bench bench;
-    HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    bench.send(1);
-    hand.hand.position.x() += 0.04;
-    bench.send(1);
+    bench.press(1, 1);
+    bench.advance(0.04, 1);
     const Pose followed = bench.command().tool;
     bench.tick(98);
     EXPECT_EQ(bench.state(), State::Engaged);
@@ -198,8 +197,7 @@ TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
     EXPECT_EQ(bench.state(), State::Held);
     expectSamePose(bench.command().tool, bench.startTool());  // where the arm was seen
     bench.tick(200);
-    hand.hand.position.x() += 0.5;  // went on meanwhile
-    bench.send(1);
+    bench.advance(0.5, 1);                     // went on meanwhile
     EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
     expectSamePose(bench.command().tool, bench.startTool());
 
@@ -210,20 +208,16 @@ TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
     EXPECT_EQ(bench.status().refusal, Refusal::Silent);
     bench.send();
     EXPECT_EQ(bench.state(), State::Refused);  // the switch is still the same
-    hand.engagement = 0;
-    bench.send();
-    hand.engagement = 2;
-    bench.send();
+    bench.press(0);
+    bench.press(2);
     EXPECT_EQ(bench.state(), State::Engaged);
 }
 
 TEST(Teleoperation, Fault62_OldAndRepeatedMessagesAreDropped) {
     Bench bench;
     HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    bench.send();
-    hand.hand.position.x() += 0.05;
-    bench.send();
+    bench.press(1);
+    bench.advance(0.05);
     const Pose now = bench.command().tool;
     const HandMessage last = hand;
     HandMessage old = last;
@@ -263,10 +257,8 @@ TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAne
         SCOPED_TRACE(wrong.name);
         Bench bench;
         HandMessage& hand = bench.hand();
-        hand.engagement = 1;
-        bench.send();
-        hand.hand.position.x() += 0.05;
-        bench.send();
+        bench.press(1);
+        bench.advance(0.05);
         const HandMessage good = hand;
         wrong.make(hand);
         bench.send(1);
@@ -277,11 +269,9 @@ TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAne
         for (int k = 0; k < 5; ++k) bench.send();
         EXPECT_EQ(bench.state(), State::Refused);
         expectSamePose(bench.command().tool, bench.startTool());
-        hand.engagement = 0;
-        bench.send();
+        bench.press(0);
         EXPECT_EQ(bench.state(), State::Released);
-        hand.engagement = 2;
-        bench.send();
+        bench.press(2);
         EXPECT_EQ(bench.state(), State::Engaged);
         expectSamePose(bench.command().tool, bench.startTool());
     }
@@ -291,8 +281,7 @@ TEST(Teleoperation, HandsAsFastAsPeopleAreFollowedAlsoWhereMessagesAreLost) {
     for (const int ticks : {5, 20, 90}) {
         Bench bench;
         HandMessage& hand = bench.hand();
-        hand.engagement = 1;
-        bench.send(ticks);
+        bench.press(1, ticks);
         for (int k = 0; k < 20; ++k) {
             hand.hand.position.x() += 4.5 * 0.001 * ticks;
             bench.send(ticks);
@@ -305,8 +294,7 @@ TEST(Teleoperation, ASwitchThatWasPressedDuringAPauseCountsForNothing) {
     for (const bool wasEngaged : {true, false}) {
         Bench bench;
         HandMessage& hand = bench.hand();
-        hand.engagement = wasEngaged ? 1 : 0;
-        bench.send();
+        bench.press(wasEngaged ? 1 : 0);
         bench.pause(0.51);
         hand.engagement = 1;
         hand.hand.position.x() += 0.04;
@@ -314,8 +302,7 @@ TEST(Teleoperation, ASwitchThatWasPressedDuringAPauseCountsForNothing) {
         EXPECT_EQ(bench.state(), State::Refused) << wasEngaged;
         EXPECT_EQ(bench.status().refusal, Refusal::Paused);
         expectSamePose(bench.command().tool, bench.startTool());
-        hand.engagement = 2;
-        bench.send();
+        bench.press(2);
         EXPECT_EQ(bench.state(), State::Engaged);
     }
 }
@@ -331,11 +318,9 @@ TEST(Teleoperation, ASwitchThatWasPressedBeforeTheStartCountsForNothing) {
     }
     EXPECT_EQ(bench.status().refusal, Refusal::Paused);
     expectSamePose(bench.command().tool, bench.startTool());
-    hand.engagement = 0;
-    bench.send();
+    bench.press(0);
     EXPECT_EQ(bench.state(), State::Released);
-    hand.engagement = 2;
-    bench.send();
+    bench.press(2);
     EXPECT_EQ(bench.state(), State::Engaged);
 }
 
@@ -344,10 +329,8 @@ TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
         SCOPED_TRACE(gap_s);
         Bench bench;
         HandMessage& hand = bench.hand();
-        hand.engagement = 1;
-        bench.send();
-        hand.hand.position.x() += 0.04;
-        bench.send();
+        bench.press(1);
+        bench.advance(0.04);
         EXPECT_EQ(bench.state(), State::Engaged);
         hand.engagement = 0;
         bench.source().feed()->put(hand);
@@ -364,15 +347,11 @@ TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
 TEST(Teleoperation, Fault62_AMessageOfAPressBeforeThisOneIsDropped) {
     Bench bench;
     HandMessage& hand = bench.hand();
-    hand.engagement = 6;
-    bench.send();
+    bench.press(6);
     const HandMessage old = hand;
-    hand.engagement = 0;
-    bench.send();
-    hand.engagement = 7;
-    bench.send();
-    hand.hand.position.x() += 0.04;
-    bench.send();
+    bench.press(0);
+    bench.press(7);
+    bench.advance(0.04);
     const Pose followed = bench.command().tool;
     HandMessage late = old;
     late.sent_s = hand.sent_s + 0.001;
@@ -388,8 +367,7 @@ TEST(Teleoperation, Fault62_AMessageOfAPressBeforeThisOneIsDropped) {
     expectSamePose(bench.command().tool, followed);
     bench.tick(100);
     EXPECT_EQ(bench.state(), State::Held);
-    hand.engagement = 0;
-    bench.send();
+    bench.press(0);
     bench.source().feed()->put(late);  // nor after its release
     bench.tick();
     EXPECT_EQ(bench.state(), State::Released);
@@ -397,14 +375,10 @@ TEST(Teleoperation, Fault62_AMessageOfAPressBeforeThisOneIsDropped) {
 
 TEST(Teleoperation, MissedTicksAreHeldLikeSilence) {
     Bench bench;
-    HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    bench.send();
-    hand.hand.position.x() += 0.04;
-    bench.send();
+    bench.press(1);
+    bench.advance(0.04);
     bench.pause(0.2);
-    hand.hand.position.x() += 0.5;
-    bench.send(1);
+    bench.advance(0.5, 1);
     EXPECT_EQ(bench.state(), State::Held);
     bench.send(1);
     EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
@@ -483,22 +457,12 @@ TEST(Teleoperation, WhateverComesTheCommandIsFiniteAndStandsWithoutTheSwitch) {
     }
 }
 
-constexpr char kLive[] = R"(schema: 1
-title: by hand
-robot: indy7
-duration_s: 60
-limits: {velocity_radps: 2*pi/3, acceleration_radps2: 4*pi, jerk_radps3: 12*pi}
-command: {plugin: teleoperation}
-controller: {plugin: tool_servo}
-filter: {plugin: certified_braking}
-robust_loop: {plugin: nric}
-real_plant: {plugin: simbody}
-cases: {A: {}}
-)";
-
 TEST(Teleoperation, ALiveArmFollowsAHandComesToRestWithoutItAndTheLogReplays) {
     const test::TemporaryFolder folder;
-    const Experiment e = test::readTestExperiment(kLive, {});
+    const Experiment e = test::readTestExperiment(
+        test::kHandLed,
+        {"duration_s=60", "limits={velocity_radps: 2*pi/3, acceleration_radps2: 4*pi, jerk_radps3: 12*pi}",
+         "command={plugin: teleoperation}"});
     LiveOptions options;
     options.log.file = folder.path() / "hand.mcap";
     LiveSession session(configureCase(e.cases[0]), options);

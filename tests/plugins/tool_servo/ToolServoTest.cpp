@@ -1,11 +1,6 @@
 #include "Balls.h"
 #include "ToolServo.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
 #include "CaseSupport.h"
 #include "Effort.h"
 #include "ExpectContains.h"
@@ -15,27 +10,13 @@
 #include "environment/ArmSurroundings.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 /** The nominal arm alone. */
 Summary run(std::vector<std::string> overrides) {
     overrides.insert(overrides.begin(), {"controller={plugin: tool_servo}", "filter={plugin: certified_braking}"});
-    std::string file = kTeleoperation;
-    const std::size_t real = file.find("robust_loop:");
-    file.erase(real, file.find("cases:") - real);
-    const Experiment experiment = readTestExperiment(file, overrides);
-    const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
-    EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
-    return result.summary;
-}
-
-double passedShare(const Summary& s) {
-    return static_cast<double>(s.ticksWith(FilterStatus::Passed)) / static_cast<double>(s.ticks());
+    return runNominalArm(overrides);
 }
 
 // Whoever has no jerk limit can be nearer to a hand than whoever keeps one; a controller that knows the limits makes up
@@ -391,7 +372,7 @@ TEST_F(ToolServoTest, ARelativeCommandBeginsWhereTheToolIs) {
 }
 
 TEST(ToolServo, NeedsAJerkLimit) {
-    expectContains(test::catchError([] {
+    expectContains(catchError([] {
                        run({"limits.jerk_radps3=.inf", "filter={plugin: pass_through}"});
                    }),
                    {"tool_servo", "jerk limit", "limits.jerk_radps3"});
@@ -486,7 +467,7 @@ TEST_F(ToolServoTest, TakesNoMemoryInItsTicks) {
     const Pose home = homeTool();
     served.follow(1, [] {});
     const testing::AllocationCounter counter;
-    for (int jump = 0; jump < test::countOf(40); ++jump) {  // near, turned, and out of reach
+    for (int jump = 0; jump < countOf(40); ++jump) {  // near, turned, and out of reach
         const double size = jump % 3 == 2 ? 3.0 : 0.2;
         served.command.tool.position =
             home.position + size * Eigen::Vector3d(std::sin(jump), std::cos(2.0 * jump), 0.3);
@@ -497,4 +478,4 @@ TEST_F(ToolServoTest, TakesNoMemoryInItsTicks) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,10 +1,8 @@
 #include "Tosbp.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
-#include <vector>
 
+#include "ExpectContains.h"
 #include "TestArm.h"
 #include "viable/core/Numbers.h"
 
@@ -58,6 +56,16 @@ Outcome run(TestArm& arm, const std::string& parameters, double duration_s, Torq
         if (::testing::Test::HasFailure()) break;
     }
     return outcome;
+}
+
+/** With the dynamics of the arm itself. */
+template <class TorqueOf>
+Outcome run(TestArm& arm, const std::string& parameters, double duration_s, TorqueOf torqueOf) {
+    Dynamics dynamics;
+    return run(arm, parameters, duration_s, torqueOf, [&](const MotionState& s) -> const Dynamics& {
+        arm.model().calcDynamics(s.q, s.qd, dynamics);
+        return dynamics;
+    });
 }
 
 double calcLargest(const JointBounds& bounds) {
@@ -149,18 +157,11 @@ TEST(Tosbp, ArmUnderThePapersLimits) {
         range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
         arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
         PushingCommand push(6, 40.0, bangBang, 8);
-        Dynamics dynamics;
-        const Outcome outcome = run(
-            arm, "k_alpha: 5, gamma: 20", 20.0,
-            [&](const MotionState&, const Dynamics& d) {
-                JointVector torque;
-                calcInverseDynamics(d, push.next(), torque);
-                return torque;
-            },
-            [&](const MotionState& s) -> const Dynamics& {
-                arm.model().calcDynamics(s.q, s.qd, dynamics);
-                return dynamics;
-            });
+        const Outcome outcome = run(arm, "k_alpha: 5, gamma: 20", 20.0, [&](const MotionState&, const Dynamics& d) {
+            JointVector torque;
+            calcInverseDynamics(d, push.next(), torque);
+            return torque;
+        });
         expectHeld(outcome, arm.limits, arm.tick_s);
         EXPECT_GT(outcome.modified, 1000);
         std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %d of %d ticks empty\n",
@@ -326,16 +327,10 @@ TEST(Tosbp, SaysWhichLimitActs) {
 
 TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
     TestArm arm("indy7", 0.01);
-    std::string complaint = findConfigureComplaint(arm, "k_alpha: 101");
-    EXPECT_CONTAINS(complaint, "experiment.yaml:1:");
-    EXPECT_CONTAINS(complaint, "plugin_block.k_alpha");
-    EXPECT_CONTAINS(complaint, "k_alpha * tick_s is 1.01");
-    EXPECT_CONTAINS(complaint, "allowed (0, 1]");
-    complaint = findConfigureComplaint(arm, "gamma: 200");
-    EXPECT_CONTAINS(complaint, "plugin_block.gamma");
-    EXPECT_CONTAINS(complaint, "gamma * tick_s is 2.0");
-    EXPECT_CONTAINS(complaint, "allowed (0, 2)");
-    EXPECT_CONTAINS(complaint, "below 2 / tick_s");
+    test::expectContains(findConfigureComplaint(arm, "k_alpha: 101"),
+                         {"experiment.yaml:1:", "plugin_block.k_alpha", "k_alpha * tick_s is 1.01", "allowed (0, 1]"});
+    test::expectContains(findConfigureComplaint(arm, "gamma: 200"),
+                         {"plugin_block.gamma", "gamma * tick_s is 2.0", "allowed (0, 2)", "below 2 / tick_s"});
     EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100, gamma: 199"), "");
     EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
     EXPECT_CONTAINS(findConfigureComplaint(arm, "gamma: -20"), "gamma");
@@ -344,9 +339,7 @@ TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
 TEST(Tosbp, UnlimitedJerkIsRefused) {
     TestArm arm("single_joint");
     arm.limits.jerk.lower[0] = -kInfinity;
-    const std::string complaint = findConfigureComplaint(arm, "");
-    EXPECT_CONTAINS(complaint, "finite jerk limit");
-    EXPECT_CONTAINS(complaint, "limits.jerk_radps3");
+    test::expectContains(findConfigureComplaint(arm, ""), {"finite jerk limit", "limits.jerk_radps3"});
 }
 
 TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
@@ -383,13 +376,8 @@ TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
 TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
     TestArm arm("indy7");
     AbsurdTorques torques(arm.size());
-    Dynamics dynamics;
-    const Outcome outcome = run(
-        arm, "gamma: 1999, k_alpha: 1000", 20.0, [&](const MotionState&, const Dynamics&) { return torques.next(); },
-        [&](const MotionState& s) -> const Dynamics& {
-            arm.model().calcDynamics(s.q, s.qd, dynamics);
-            return dynamics;
-        });
+    const Outcome outcome = run(arm, "gamma: 1999, k_alpha: 1000", 20.0,
+                                [&](const MotionState&, const Dynamics&) { return torques.next(); });
     expectHeld(outcome, arm.limits, arm.tick_s);
 }
 
@@ -398,13 +386,8 @@ TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
         for (const double jump : {2.0 * kPi, 1e6}) {
             TestArm arm(robot);
             JumpingSetPoint setPoint(arm, jump);
-            Dynamics dynamics;
-            const Outcome outcome = run(
-                arm, "gamma: 100", 20.0, [&](const MotionState& s, const Dynamics& d) { return setPoint.next(s, d); },
-                [&](const MotionState& s) -> const Dynamics& {
-                    arm.model().calcDynamics(s.q, s.qd, dynamics);
-                    return dynamics;
-                });
+            const Outcome outcome = run(arm, "gamma: 100", 20.0,
+                                        [&](const MotionState& s, const Dynamics& d) { return setPoint.next(s, d); });
             expectHeld(outcome, arm.limits, arm.tick_s);
             EXPECT_GT(outcome.modified, 1000);
         }

@@ -1,7 +1,5 @@
 #include "Tovzbp.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
 
 #include "LawBench.h"

@@ -1,18 +1,13 @@
 #include "Waypoints.h"
 
 #include "CommandBench.h"
+#include "Joints.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 const char* const kThreePoints = "points: [[0.5, 0, 1, 2], [1.0, 1, 0, -2], [2.0, 3, 0.5, 0]]";
-
-JointVector joints(double a, double b, double c) {
-    JointVector v(3);
-    v << a, b, c;
-    return v;
-}
 
 TEST(Waypoints, ComplainsAboutPointsWithTheirPlace) {
     const CommandBench bench;
@@ -198,4 +193,4 @@ TEST(Waypoints, GivesTheSameThroughTheLoaderAndAfterAReset) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

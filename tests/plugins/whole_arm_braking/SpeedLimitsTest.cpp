@@ -1,18 +1,11 @@
-#include "Paths.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-
-#include <gtest/gtest.h>
 
 #include <cstdio>
 #include <optional>
-#include <random>
 
 #include "TestArm.h"
 #include "limits/PointSpeedLimit.h"
-#include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

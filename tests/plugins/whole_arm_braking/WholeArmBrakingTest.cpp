@@ -1,22 +1,15 @@
 #include "Balls.h"
-#include "Paths.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "viable/core/Error.h"
 #include "viable/core/Numbers.h"
-
-#include <gtest/gtest.h>
 
 #include <atomic>
 #include <cstdio>
 #include <optional>
-#include <random>
 #include <thread>
 
 #include "TestArm.h"
 #include "environment/CollisionChecker.h"
-#include "viable/core/JointTypes.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/loop/NominalPlant.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -212,14 +205,18 @@ TEST(WholeArmBraking, WithoutAnythingAroundItIsCertifiedBrakingToTheLastBit) {
     }
 }
 
+Environment makeRoom() {
+    Environment environment;
+    environment.solids = {
+        makeBox("table", {0.2, 0.0, -0.06}, {1.6, 1.2, 0.04}), makeBox("wall", {0.8, 0.0, 0.6}, {0.1, 2.0, 1.4}),
+        makeBox("pillar", {0.35, 0.45, 0.7}, {0.1, 0.1, 1.6}), makeBox("shelf", {0.5, -0.5, 0.55}, {0.5, 0.4, 0.03})};
+    return environment;
+}
+
 // What stops before an obstacle comes to rest there, whatever the command asks for: it must not use up the rounding of
 // distances tick by tick.
 TEST(WholeArmBraking, ABrakedArmRestsWithoutChattering) {
-    Environment environment;
-    environment.solids.push_back(makeBox("table", {0.2, 0.0, -0.06}, {1.6, 1.2, 0.04}));
-    environment.solids.push_back(makeBox("wall", {0.8, 0.0, 0.6}, {0.1, 2.0, 1.4}));
-    environment.solids.push_back(makeBox("pillar", {0.35, 0.45, 0.7}, {0.1, 0.1, 1.6}));
-    environment.solids.push_back(makeBox("shelf", {0.5, -0.5, 0.55}, {0.5, 0.4, 0.03}));
+    const Environment environment = makeRoom();
     std::mt19937 random(11);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
     int stopped = 0;
@@ -247,11 +244,7 @@ TEST(WholeArmBraking, ABrakedArmRestsWithoutChattering) {
 // Poses with room around them, drawn at random, each wanted from home by a controller that knows of nothing. How many of them
 // are reached, and how near the others come, steering and only stopping.
 TEST(WholeArmBraking, SteeringReachesMoreOfTheFreeSpaceThanStopping) {
-    Environment environment;
-    environment.solids.push_back(makeBox("table", {0.2, 0.0, -0.06}, {1.6, 1.2, 0.04}));
-    environment.solids.push_back(makeBox("wall", {0.8, 0.0, 0.6}, {0.1, 2.0, 1.4}));
-    environment.solids.push_back(makeBox("pillar", {0.35, 0.45, 0.7}, {0.1, 0.1, 1.6}));
-    environment.solids.push_back(makeBox("shelf", {0.5, -0.5, 0.55}, {0.5, 0.4, 0.03}));
+    const Environment environment = makeRoom();
     constexpr int kGoals = 40, kTicksPerGoal = 6000;
     constexpr double kReached_rad = 0.02;
     constexpr double kStiffness = 6.0;  // stiffer ones overshoot for ever with these jerk limits

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <array>
 #include <cmath>
 #include <vector>
 

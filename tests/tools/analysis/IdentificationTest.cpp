@@ -1,13 +1,13 @@
 #include "Paths.h"
 #include "analysis/identification/Identification.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "Complaint.h"
+#include "ExpectContains.h"
 #include "RobotFolder.h"
 #include "robot/ArmRecursion.h"
 #include "viable/core/Numbers.h"
@@ -109,17 +109,6 @@ ResidualCheck findCheck(const JointIdentification& joint, const std::string& nam
     for (const ResidualCheck& check : joint.checks)
         if (check.name == name) return check;
     ADD_FAILURE() << "no check " << name << ": " << joint.reason;
-    return {};
-}
-
-std::string refuse(const std::function<void()>& call) {
-    try {
-        call();
-    } catch (const Error& error) {
-        EXPECT_EQ(error.kind(), ErrorKind::BadInput);
-        return error.what();
-    }
-    ADD_FAILURE() << "accepted";
     return {};
 }
 
@@ -361,9 +350,9 @@ TEST(Identification, RefusesWhatItCannotUse) {
     const auto refuseRecord = [&](const std::function<void(MotionRecord&)>& spoil) {
         MotionRecord record = good;
         spoil(record);
-        return refuse([&] { identify(experiment.robot, {record}); });
+        return test::catchError([&] { identify(experiment.robot, {record}); });
     };
-    EXPECT_EQ(refuse([&] { identify(experiment.robot, {}); }),
+    EXPECT_EQ(test::catchError([&] { identify(experiment.robot, {}); }),
               "there is no record to identify from. Name one log or more.");
     EXPECT_EQ(refuseRecord([](MotionRecord& r) {
                   for (auto& joint : r.joints) joint.torques.clear();
@@ -444,11 +433,8 @@ protected:
 TEST_F(ActuationFileTest, KeepsTheRestOfTheFile) {
     expectFigures(rewrite());
     EXPECT_EQ(text_.find("schema: 1\n# the vendor's\ngear_ratio: [50, 80]   # turns\n"), 0u) << text_;
-    EXPECT_NE(text_.find("source: \"identified by viable "), std::string::npos) << text_;
-    EXPECT_NE(text_.find("made-up seed 1"), std::string::npos);
-    EXPECT_NE(text_.find("# standard errors: "), std::string::npos);
-    EXPECT_NE(text_.find("# elbow: none; it never moved\n"), std::string::npos) << text_;
-    EXPECT_NE(text_.find("# what is kept comes from: a guess: mine\n"), std::string::npos) << text_;
+    test::expectContains(text_, {"source: \"identified by viable ", "made-up seed 1", "# standard errors: ",
+                                 "# elbow: none; it never moved\n", "# what is kept comes from: a guess: mine\n"});
     // Once more: the same figures, and no text that grows.
     const std::string first = text_;
     RobotDescription again = loadRobot(folder_.path());

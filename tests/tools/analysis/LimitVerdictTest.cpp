@@ -11,10 +11,8 @@
 
 // Verdicts over a population of records with a known truth, and what is said of them.
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::SyntheticRecord;
 
 AxisLimits makeLimits(const std::array<double, 4>& l) {
     return {-l[0], l[0], -l[1], l[1], -l[2], l[2], -l[3], l[3]};
@@ -56,7 +54,7 @@ std::array<double, 4> findExceeded(const SyntheticRecord& one, const std::array<
 }
 
 TEST(LimitVerdict, IsRightOnAPopulationOfRecords) {
-    const int records = test::countOf(40);
+    const int records = countOf(40);
     int cleanButBroken = 0;
     std::array<int, 4> tells{}, could{}, found{};
     for (int seed = 1; seed <= records; ++seed) {
@@ -106,7 +104,7 @@ SyntheticRecord makeGood() {
     one.sensor.noise = 4e-7;
     one.jerk = 40.0;
     one.sensor.duration_s = 8.0;
-    one.motion = test::makeMotion(one.random, 8.2, one.jerk, 12.0, 3.0);
+    one.motion = makeMotion(one.random, 8.2, one.jerk, 12.0, 3.0);
     one.record = one.sensor.sample(one.motion, one.random);
     return one;
 }
@@ -172,12 +170,12 @@ TEST(LimitVerdict, AStuckJointIsNamedAndTheOthersAreJudged) {
 
 TEST(LimitVerdict, AShortMoveInALongRecordIsSeen) {
     std::mt19937_64 random(5);
-    test::JerkLimitedMotion motion(0.3);
+    JerkLimitedMotion motion(0.3);
     motion.add(110.1, 0.0);  // 120 s at rest but for one move of a second
     for (const double jerk : {40.0, -40.0, -40.0, 40.0}) motion.add(0.2, jerk);
     motion.stop();
     motion.add(10.0, 0.0);
-    test::Sensor sensor;
+    Sensor sensor;
     sensor.noise = 1e-5;
     sensor.duration_s = 120.0;
     const MotionRecord record = sensor.sample(motion, random);
@@ -232,7 +230,7 @@ TEST(LimitVerdict, GapsAreNotJudgedAndCostNothing) {
 }
 
 TEST(LimitVerdict, ShortRecordsAreNotCalledBroken) {
-    const int records = test::countOf(40);
+    const int records = countOf(40);
     int broken = 0;
     for (int seed = 1; seed <= records; ++seed) {
         SyntheticRecord one(static_cast<std::uint64_t>(500000 + seed));  // others than those above
@@ -282,4 +280,4 @@ TEST(LimitVerdict, JsonHoldsWhatTheReportDraws) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -2,17 +2,14 @@
 
 #include <zlib.h>
 
-#include <cmath>
 #include <functional>
 
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 #include "viable/core/Numbers.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using namespace test;
 
 constexpr double kDegree = kPi / 180.0;
 
@@ -801,4 +798,4 @@ TEST_F(JointStateMotionRecordTest, AFileThatWasCutOffIsReadAsFarAsItGoes) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -2,10 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
-#include <ctime>
 #include <limits>
 
+#include "Complaint.h"
 #include "DifferentiatorSupport.h"
 #include "Effort.h"
 #include "SyntheticRecord.h"
@@ -16,10 +15,8 @@
 
 // Is what the smoothing says true, and is its error what it says it is?
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::SyntheticRecord;
 
 /** A record of one wide move, with the noise as told. */
 struct Wave {
@@ -41,13 +38,7 @@ struct Wave {
 };
 
 std::string refuse(const std::vector<double>& times_s, const std::vector<double>& readings) {
-    try {
-        smoothMotion(times_s, readings, "file.csv: joint a");
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        return e.what();
-    }
-    return "not refused";
+    return test::catchError([&] { smoothMotion(times_s, readings, "file.csv: joint a"); });
 }
 
 TEST(BandedLdl, AgreesWithDenseAlgebra) {
@@ -89,7 +80,7 @@ TEST(BandedLdl, RefusesWhatIsNotPositiveDefinite) {
 }
 
 TEST(Smoothing, BandsAreAsWideAsTheErrorIs) {
-    const int records = test::countOf(60);
+    const int records = countOf(60);
     std::array<double, 4> inside{}, looks{};
     for (int seed = 1; seed <= records; ++seed) {
         const SyntheticRecord one(static_cast<std::uint64_t>(seed));
@@ -116,13 +107,13 @@ TEST(Smoothing, BandsAreAsWideAsTheErrorIs) {
 }
 
 TEST(Smoothing, JerkIsNearerToTheTruthThanOfUsualDifferentiators) {
-    const int records = test::countOf(40);
+    const int records = countOf(40);
     // Root mean square errors of the jerk, over the jerk limit: one per record and method.
     std::vector<double> own, differences;
-    std::vector<std::vector<double>> polynomials(test::kSettings), butterworths(test::kSettings);
+    std::vector<std::vector<double>> polynomials(kSettings), butterworths(kSettings);
     for (int seed = 1; seed <= records; ++seed) {
         const SyntheticRecord one(static_cast<std::uint64_t>(seed));
-        const test::Grid grid(one.record, one.sensor.rate_Hz);
+        const Grid grid(one.record, one.sensor.rate_Hz);
         const auto motion = smoothMotion(one.record.times_s, one.record.joints[0].positions, "synthetic");
         const double guard_s = std::max(2.0 * motion.window_s(), 0.1);
         if (grid.end_s() - grid.begin_s() < 4.0 * guard_s) continue;
@@ -140,9 +131,9 @@ TEST(Smoothing, JerkIsNearerToTheTruthThanOfUsualDifferentiators) {
         own.push_back(rms([&](std::size_t i) { return motion.evaluate(grid.time(i)).mean[3]; }));
         const auto take = [&](const std::vector<double>& jerk) { return rms([&](std::size_t i) { return jerk[i]; }); };
         differences.push_back(take(grid.calcFiniteDifferences()));
-        for (std::size_t k = 0; k < test::kSettings; ++k) {
-            polynomials[k].push_back(take(grid.calcSavitzkyGolay(test::getSetting(k, 0.01, 0.6))));
-            butterworths[k].push_back(take(grid.calcButterworth(test::getSetting(k, 1.0, 120.0))));
+        for (std::size_t k = 0; k < kSettings; ++k) {
+            polynomials[k].push_back(take(grid.calcSavitzkyGolay(getSetting(k, 0.01, 0.6))));
+            butterworths[k].push_back(take(grid.calcButterworth(getSetting(k, 1.0, 120.0))));
         }
     }
     ASSERT_GT(2 * own.size(), static_cast<std::size_t>(records));
@@ -457,4 +448,4 @@ TEST(Smoothing, NoReadingIsLostInTryingAPulse) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,27 +1,19 @@
 // A made-up machine with everything, and then with one thing worse at a time: what is told, and its remedy.
 #include "doctor/MachineCheck.h"
 
-#include <gtest/gtest.h>
 #include <sched.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstdint>
-#include <cstdlib>
-#include <filesystem>
 #include <functional>
 #include <set>
-#include <string>
-#include <vector>
 
 #include "ExpectContains.h"
 #include "TemporaryFolder.h"
 #include "core/Text.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
 
 constexpr std::uint64_t kMega = 1024 * 1024;
 const char* const kCpu = "sys/devices/system/cpu/";
@@ -62,7 +54,7 @@ struct MadeUp {
     void remove(const std::string& file) const { std::filesystem::remove_all(root / file); }
     std::vector<MachineLine> check() const { return checkMachine(answers, root.path()); }
 
-    test::TemporaryFolder root;
+    TemporaryFolder root;
     SystemAnswers answers;
 };
 
@@ -365,7 +357,7 @@ TEST(MachineCheck, ALineSaysWhyALoopIsNotOfRealTime) {
 }
 
 TEST(MachineCheck, FilesThatAreMissingOrNonsenseAreNotShownAndNothingThrows) {
-    const test::TemporaryFolder empty;
+    const TemporaryFolder empty;
     const SystemAnswers answers = MadeUp().answers;
     for (const MachineLine& line : checkMachine(answers, empty.path()))
         EXPECT_TRUE(line.level == MachineLevel::Good || line.level == MachineLevel::Unknown) << line.name;
@@ -392,4 +384,4 @@ TEST(MachineCheck, ThisMachineAnswersAndKeepsNothing) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,7 +1,5 @@
 // What a run says of an arm that does not follow, of gains that it cannot carry, and of a job that is not done.
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -10,13 +8,8 @@
 #include "viable/core/Numbers.h"
 #include "viable/tracking/LoopStability.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 /** A hand leads a Panda; keys can be overridden. */
 const std::vector<std::string> kPanda = {"robot=panda", "duration_s=4", "real_plant.payload_kg=0.2"};
@@ -24,7 +17,7 @@ const std::vector<std::string> kPanda = {"robot=panda", "duration_s=4", "real_pl
 Experiment readPanda(const std::vector<std::string>& overrides) {
     std::vector<std::string> all = kPanda;
     all.insert(all.end(), overrides.begin(), overrides.end());
-    return readTestExperiment(test::kHandLed, all);
+    return readTestExperiment(kHandLed, all);
 }
 CaseResult runPanda(const std::vector<std::string>& overrides = {}) {
     return runCase(configureCase(readPanda(overrides).cases.front()), {});
@@ -199,9 +192,9 @@ TEST(AnyArm, ASwingingToolIsNamedWithItsRemedy) {
 
 // Nominal arm and controller diverge: the run ends, in bounded time, and the filter that passed it on is not blamed.
 TEST(Fault82, ACaseThatDivergesEndsAndNamesTheController) {
-    const CaseResult r = runArm(
-        test::kOneJoint, {"filter={plugin: pass_through}", "controller.stiffness=4.2e6", "controller.damping=0",
-                          "limits={velocity_radps: .inf, acceleration_radps2: 10, jerk_radps3: 100}", "duration_s=5"});
+    const CaseResult r =
+        runArm(kOneJoint, {"filter={plugin: pass_through}", "controller.stiffness=4.2e6", "controller.damping=0",
+                           "limits={velocity_radps: .inf, acceleration_radps2: 10, jerk_radps3: 100}", "duration_s=5"});
     EXPECT_EQ(r.stopReason, StopReason::ControllerFailed) << r.stopMessage;
     expectContains(r.stopMessage, {"controller", "joint_pd", "the filter passed on, is beyond 1e9",
                                    "it was still braking after 10.0000 s"});
@@ -210,7 +203,7 @@ TEST(Fault82, ACaseThatDivergesEndsAndNamesTheController) {
 
 TEST(Fault82, AStopThatIsMerelyLongComesToItsEnd) {
     const CaseResult r =
-        runArm(test::kOneJoint,
+        runArm(kOneJoint,
                {"limits={velocity_radps: 3, acceleration_radps2: 0.2, jerk_radps3: 0.2}", "start.velocity_radps=2.9",
                 "command.points=[[0, 300]]", "limits.position_rad=100", "limits.allow_large_angles=true",
                 "filter={plugin: certified_braking}", "missed_ticks=[{at_s: 0.1, count: 1001}]"});
@@ -220,4 +213,4 @@ TEST(Fault82, AStopThatIsMerelyLongComesToItsEnd) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

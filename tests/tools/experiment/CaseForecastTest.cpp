@@ -2,36 +2,22 @@
 
 #include "experiment/CaseForecast.h"
 
-#include <gtest/gtest.h>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "config/Draws.h"
 #include "viable/robot/RobotModel.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using test::catchError;
-using test::expectContains;
-using test::readTestExperiment;
-
-const char* const kArm = R"(schema: 1
-title: arm
-robot: indy7
-duration_s: 2
-limits: {velocity_radps: 1, acceleration_radps2: 4, jerk_radps3: 40}
-command: {plugin: generated_hand_motion, seed: 1}
-controller: {plugin: tool_servo}
-filter: {plugin: certified_braking}
-robust_loop: {plugin: nric}
-real_plant: {plugin: simbody}
-cases: {A: {}}
-)";
+Experiment readArm(std::vector<std::string> overrides = {}) {
+    overrides.insert(overrides.begin(), {"limits={velocity_radps: 1, acceleration_radps2: 4, jerk_radps3: 40}",
+                                         "command={plugin: generated_hand_motion, seed: 1}"});
+    return readTestExperiment(kHandLed, overrides);
+}
 
 CaseForecast forecast(const std::vector<std::string>& overrides = {}) {
-    const Experiment experiment = readTestExperiment(kArm, overrides);
+    const Experiment experiment = readArm(overrides);
     return forecastCase(*configureCase(experiment.cases.front()));
 }
 
@@ -42,13 +28,13 @@ std::string joinWarnings(const CaseForecast& told) {
 }
 
 TEST(CaseLimits, AKindOfALibraryIsOfExperimentsThatUseIt) {
-    std::string text = test::kOneJoint;
+    std::string text = kOneJoint;
     const std::string cases = "cases: {A: {}}";
     text.replace(text.find(cases), cases.size(),
                  "cases: {A: {}, B: {filter: {plugin: " VIABLE_BROKEN_PLUGIN_DIR
                  "/viable_filter_upright.so, judge: cannot_say}}, "
                  "C: {filter: {plugin: " VIABLE_BROKEN_PLUGIN_DIR "/viable_filter_upright.so}}}");
-    const Experiment with = readTestExperiment(text), without = readTestExperiment(test::kOneJoint);
+    const Experiment with = readTestExperiment(text), without = readTestExperiment(kOneJoint);
     const LimitSet upright{addLimitKind("upright", "deg")};
     for (const CasePlan& plan : with.cases) EXPECT_EQ(findLimits(plan), upright) << plan.name;
     configureCase(with.cases[1]);  // from here on it cannot say whether a case has it
@@ -91,7 +77,7 @@ TEST(Forecast, TellsWhatIsKnownOfPeople) {
 
 // Of one folder, and not a figure of the file that differs: only what was read.
 TEST(Forecast, RobotsThatDifferShareNoMargins) {
-    const Experiment experiment = readTestExperiment(kArm, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"});
+    const Experiment experiment = readArm({"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"});
     CasePlan plan = experiment.cases.front();
     const auto first = configureTracking(plan);
     const auto again = configureTracking(plan);
@@ -127,7 +113,7 @@ TEST(Fault81, MotorsThatCannotHoldTheStartAreNamedWithJointPoseAndShare) {
     const CaseForecast told = forecast(heavy);
     ASSERT_EQ(told.warnings.size(), 2u) << joinWarnings(told);
     // By another route: the torque that holds the arm, from the energy of the pose.
-    const CasePlan plan = readTestExperiment(kArm, heavy).cases.front();
+    const CasePlan plan = readArm(heavy).cases.front();
     RobotModel model(plan.robot);
     const JointVector still = JointVector::Zero(6);
     double worst = 0.0;
@@ -205,9 +191,9 @@ struct Rest {
 };
 Rest tryRest(const std::string& controller, const std::string& filter, const std::string& jerk) {
     const Experiment e = readTestExperiment(
-        test::kOneJoint, {"controller=" + controller, "filter=" + filter, "duration_s=20",
-                          "command={plugin: waypoints, points: [[0, 0.0051]]}",
-                          "limits={velocity_radps: 3, acceleration_radps2: 8, jerk_radps3: " + jerk + "}"});
+        kOneJoint, {"controller=" + controller, "filter=" + filter, "duration_s=20",
+                    "command={plugin: waypoints, points: [[0, 0.0051]]}",
+                    "limits={velocity_radps: 3, acceleration_radps2: 8, jerk_radps3: " + jerk + "}"});
     const std::string told = joinWarnings(forecastCase(*configureCase(e.cases.front())));
     const auto configured = configureCase(e.cases.front());
     ControlLoop loop(configured->setup, std::move(configured->plugins));
@@ -304,7 +290,7 @@ private:
 
 TEST(Fault20, ACommandThatStartsOutOfReachOrFarAwayIsTold) {
     const auto at = [&](const Eigen::Vector3d& place, const std::vector<std::string>& overrides = {}) {
-        const Experiment experiment = readTestExperiment(kArm, overrides);
+        const Experiment experiment = readArm(overrides);
         const auto configured = configureCase(experiment.cases.front());
         Pose pose = configured->setup.startTool;
         pose.position = place;
@@ -326,4 +312,4 @@ TEST(Fault20, ACommandThatStartsOutOfReachOrFarAwayIsTold) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,25 +1,14 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "records/LogReader.h"
 #include "sweep/SweepRow.h"
 #include "viable/robot/RobotModel.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kOneJoint;
-using test::makeTestLoader;
-using test::readTestExperiment;
-using test::TemporaryFolder;
-using test::TestLoop;
 
 /** What the robot single_joint swings about the z axis: a rod of this length and radius [m]. */
 constexpr double kRod = 1.0, kRadius = 0.02;
@@ -389,11 +378,10 @@ TEST(StopRest, IsWhereTheArmComesToRest) {
         const double rest = record.stops[0].rest;
         EXPECT_GT(std::abs(rest - t.loop.nominal().q[0]), 1e-3);  // it moves
         t.loop.requestStop(StopReason::Requested, "test");
-        test::runUntilStopped(t.loop, record, 5000,
-                              [&](const TickRecord& r) { ASSERT_NEAR(r.stops[0].rest, rest, 1e-9); });
+        runUntilStopped(t.loop, record, 5000, [&](const TickRecord& r) { ASSERT_NEAR(r.stops[0].rest, rest, 1e-9); });
         EXPECT_NEAR(t.loop.nominal().q[0], rest, 1e-9);
     }
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

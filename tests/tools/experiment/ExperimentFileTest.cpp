@@ -1,23 +1,13 @@
 #include "ExpectContains.h"
-#include "experiment/ExperimentFile.h"
 
-#include <gtest/gtest.h>
-
-#include <cstdio>
 #include <sstream>
 
 #include "CaseSupport.h"
 #include "viable/filter/BrakingPolicyFilter.h"
 #include "viable/tracking/Nric.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kOneJoint;
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 std::string errorOf(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
     return catchError([&] { readTestExperiment(yaml, overrides); });
@@ -366,4 +356,4 @@ TEST(ExperimentFile, MissedTicksAreReadStrictlyAndReadBack) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,17 +1,10 @@
-#include <gtest/gtest.h>
-
 #include "CaseSupport.h"
-#include "Paths.h"
 #include "viable/config/ConfigNode.h"
 
 // limits: {hold_on: real} and disturbance_set in experiment files.
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 const std::vector<std::string> kReal = {
     "filter={plugin: certified_braking}",
@@ -54,7 +47,7 @@ TEST(HoldOnReal, TightensPositionAndVelocityByTheBoundAndNothingElse) {
 // The log's copy of the experiment says what the file said, and gives the same case again.
 TEST(HoldOnReal, TheResolvedFileKeepsTheLimitsOfTheRealArm) {
     const CasePlan plan = readTestExperiment(kTeleoperation, with({"limits.hold_on=real"})).cases.front();
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::filesystem::path file = folder.path() / "again.yaml";
     std::ofstream(file) << writeConfig(plan.resolved);
     const CasePlan again = readExperiment(file, {}, PluginLoader({VIABLE_PLUGIN_DIR}), {}).cases.front();
@@ -82,13 +75,13 @@ TEST(HoldOnReal, WithoutABoundItIsRefused) {
 TEST(DisturbanceSet, ALimitedChangeOfTheMotorsWholeTorqueHasNoBound) {
     const auto configure = [](const std::string& rate) {
         const Experiment e = readTestExperiment(
-            test::kOneJoint, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, motor_rate_Nmps: " + rate + "}",
-                              "real_plant={plugin: simbody}", "disturbance_set={}"});
+            kOneJoint, {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8, motor_rate_Nmps: " + rate + "}",
+                        "real_plant={plugin: simbody}", "disturbance_set={}"});
         configureCase(e.cases.front());
     };
     EXPECT_NO_THROW(configure(".inf"));
-    test::expectContains(test::catchError([&] { configure("1e6"); }),
-                         {"motor_rate_Nmps", "no tracking bound covers", "`torque_rate_Nmps`"});
+    expectContains(catchError([&] { configure("1e6"); }),
+                   {"motor_rate_Nmps", "no tracking bound covers", "`torque_rate_Nmps`"});
 }
 
 TEST(DisturbanceSet, WhatIsWrongInItIsToldWithItsPlace) {
@@ -127,4 +120,4 @@ TEST(DisturbanceSet, MotorsThatAreTooWeakForItAreRefused) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,19 +1,11 @@
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kOneJoint;
-using test::readTestExperiment;
-using test::TemporaryFolder;
 
 /** Somebody who walks to the arm and stays beside it. */
 constexpr char kAnn[] =
@@ -135,4 +127,4 @@ TEST(PeopleKeys, WhoComesFromNowhereIsNamed) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

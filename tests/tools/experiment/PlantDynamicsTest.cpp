@@ -1,8 +1,5 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cstdio>
-#include <string>
 #include <utility>
 
 #include "CaseSupport.h"

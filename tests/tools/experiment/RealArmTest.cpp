@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
@@ -7,14 +5,8 @@
 #include "records/LogReader.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kTeleoperation;
-using test::readTestExperiment;
-using test::TemporaryFolder;
 
 /** The arm without any loss, so that it follows the nominal one to some 1e-6 rad. */
 const std::vector<std::string> kIdeal = {"filter={plugin: certified_braking}", "real_plant={plugin: pushed}"};
@@ -503,7 +495,7 @@ TEST(ExternalTorque, WhatCannotMeasureItIsRefused) {
     expectContains(catchError([&] { configureCase(none.cases[0]); }),
                    {"external_torque", "the real plant failing_plant has no sensors for an external torque",
                     "external_torque: ignored"});
-    expectContains(catchError([&] { readTestExperiment(test::kOneJoint, {"external_torque=to_nominal"}); }),
+    expectContains(catchError([&] { readTestExperiment(kOneJoint, {"external_torque=to_nominal"}); }),
                    {"there is no real_plant that could measure an external torque"});
     expectContains(catchError([&] { readTestExperiment(kTeleoperation, {"external_torque=to_nominl"}); }),
                    {"to_nominal"});
@@ -527,4 +519,4 @@ TEST(RealArm, ATickWithBoundAndExternalTorqueAllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,8 +1,6 @@
 // What goes wrong around a real arm, in whole runs: the nominal arm is as without it, and the run is good, or tripped with a
 // cause that is true.
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -12,14 +10,8 @@
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotModel.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kHandLed;
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 /** An arm of six joints and one of seven. */
 const std::vector<std::string> kBothArms = {"robot=indy7", "robot=panda"};
@@ -86,7 +78,7 @@ int expectSameNominal(const RecordedRun& run, const RecordedRun& other) {
 /** MuJoCo's is built where it is installed. */
 bool hasPlant(const char* name) {
     try {
-        test::makeTestLoader().find(PluginKind::RealPlant, name, "test", {});
+        makeTestLoader().find(PluginKind::RealPlant, name, "test", {});
         return true;
     } catch (const Error&) {
         return false;
@@ -422,7 +414,7 @@ TEST(Fault20, WristElbowAndShoulderSingularPosesArePassedWithBoundedAcceleration
             double strongest = 0.0, nearest = kInfinity;
             for (int k = 0; k < 3000; ++k) {
                 loop.tick(record);
-                ASSERT_TRUE(test::allFinite(record)) << k;
+                ASSERT_TRUE(allFinite(record)) << k;
                 result.summary.add(record);
                 model.calcDynamics(record.nominal.q, record.nominal.qd, d);
                 JointVector qdd;
@@ -513,4 +505,4 @@ TEST(Fault60, ABallQuickerThanTheArmIsBrakedForAndTheSummarySaysWhenItTouched) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,22 +1,12 @@
-#include <gtest/gtest.h>
-
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "Paths.h"
 #include "records/LogReader.h"
 #include "viable/core/Numbers.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kOneJoint;
-using test::readTestExperiment;
-using test::TemporaryFolder;
 
 TEST(SpeedLimitKeys, AreReadAndStandInTheResolvedFile) {
     const Experiment e = readTestExperiment(
@@ -122,4 +112,4 @@ TEST(SpeedLimitKeys, ARunJudgesThem) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,18 +1,11 @@
-#include <gtest/gtest.h>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "viable/config/ConfigNode.h"
 
 // stream: the command comes over a line.
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::catchError;
-using test::expectContains;
-using test::kTeleoperation;
-using test::readTestExperiment;
 
 CaseResult run(const std::vector<std::string>& streams) {
     std::vector<std::string> overrides = {"controller={plugin: tool_servo}", "filter={plugin: certified_braking}",
@@ -68,4 +61,4 @@ TEST(Stream, WhatIsWrongInItIsToldWithItsPlace) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,7 +1,5 @@
 #include "live/LiveSession.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -12,12 +10,8 @@
 #include "records/LogReader.h"
 #include "viable/testing/AllocationCounter.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::kOneJoint;
-using test::kTeleoperation;
-using test::TemporaryFolder;
 
 constexpr char kCertified[] = "filter={plugin: certified_braking}";
 constexpr double kSimulatedHold_s = RunningCase::kSettling_s;
@@ -47,7 +41,7 @@ std::vector<std::string> listChanges(const CaseResult& result) {
 }
 
 TEST(LiveSession, TakesAsLongAsTheClockSaysAndEndsAtRest) {
-    const Experiment e = test::readTestExperiment(kTeleoperation, {kCertified});
+    const Experiment e = readTestExperiment(kTeleoperation, {kCertified});
     LiveSession session(configureCase(e.cases[0]), makeOptions(0.8));
     const auto before = std::chrono::steady_clock::now();
     session.begin();
@@ -77,7 +71,7 @@ TEST(LiveSession, TakesAsLongAsTheClockSaysAndEndsAtRest) {
 
 TEST(LiveSession, WaitsArmedAndDoesWhatItIsTold) {
     const TemporaryFolder folder;
-    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
+    const Experiment e = readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
     LiveOptions options = makeOptions(INFINITY);
     options.waitsArmed = true;
     options.log.file = folder / "A.mcap";
@@ -114,14 +108,14 @@ TEST(LiveSession, WaitsArmedAndDoesWhatItIsTold) {
     EXPECT_EQ(logged.count(), result.live->interval.count());
     EXPECT_EQ(logged.worst_ns(), result.live->interval.worst_ns());
     EXPECT_EQ(logged.calcQuantile_ns(0.99), result.live->interval.calcQuantile_ns(0.99));
-    const ReplayResult again = replayLog(folder / "A.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    const ReplayResult again = replayLog(folder / "A.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
     EXPECT_EQ(again.difference, "");
     EXPECT_EQ(again.ticks, result.live->ticks);
 }
 
 TEST(LiveSession, MarksWhatTheOperatorRecords) {
     const TemporaryFolder folder;
-    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
+    const Experiment e = readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
     LiveOptions options = makeOptions(INFINITY);
     options.log.file = folder / "A.mcap";
     LiveSession session(configureCase(e.cases[0]), options);
@@ -139,7 +133,7 @@ TEST(LiveSession, MarksWhatTheOperatorRecords) {
     session.stop(LiveAsker::Page);  // ends the second
     const CaseResult result = session.finish();
     ASSERT_EQ(result.live->takes.size(), 2u);
-    test::expectContains(formatDetails(result), {"takes         1 from ", " s, 2 from "});
+    expectContains(formatDetails(result), {"takes         1 from ", " s, 2 from "});
     std::array<std::vector<double>, 3> times;
     LogReader reader(folder / "A.mcap");
     for (TickRecord row; reader.read(row);) times.at(static_cast<std::size_t>(row.take)).push_back(row.time_s);
@@ -152,13 +146,13 @@ TEST(LiveSession, MarksWhatTheOperatorRecords) {
         EXPECT_EQ(std::llround((take.end_s - take.begin_s) / 0.001) + 1,
                   static_cast<std::int64_t>(times[k + 1].size()));  // without a hole
     }
-    const ReplayResult again = replayLog(folder / "A.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    const ReplayResult again = replayLog(folder / "A.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
     EXPECT_EQ(again.difference, "");
     EXPECT_EQ(again.ticks, result.live->ticks);
 }
 
 TEST(LiveSession, ResumeDoesNotReplaceAPauseThatWasNotTakenYet) {
-    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
+    const Experiment e = readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
     LiveSession session(configureCase(e.cases[0]), makeOptions(INFINITY));
     session.resume(LiveAsker::Page);  // before any tick: all three are there at the first one
     session.pause(LiveAsker::Key);
@@ -210,7 +204,7 @@ std::unique_ptr<ConfiguredCase> configureWith(const Experiment& e, SleepyCommand
 
 TEST(LiveSession, TicksThatTookTooLongAreMissedOnesAndTheArmKeepsItsLimits) {
     const TemporaryFolder folder;
-    const Experiment e = test::readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
+    const Experiment e = readTestExperiment(kOneJoint, {kCertified, "duration_s=100"});
     SleepyCommand command;
     command.sleep_s = 0.0105;
     LiveOptions options = makeOptions(0.6);
@@ -238,7 +232,7 @@ TEST(LiveSession, TicksThatTookTooLongAreMissedOnesAndTheArmKeepsItsLimits) {
 TEST(LiveSession, TakesNothingFromTheHeapInItsTicks) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const TemporaryFolder folder;
-    const Experiment e = test::readTestExperiment(
+    const Experiment e = readTestExperiment(
         kOneJoint, {kCertified, "duration_s=100", "robust_loop={plugin: nric}", "real_plant={plugin: simbody}"});
     SleepyCommand command;
     LiveOptions options = makeOptions(0.7);
@@ -254,8 +248,8 @@ TEST(LiveSession, TakesNothingFromTheHeapInItsTicks) {
 }
 
 TEST(LiveSession, AFailureStopsTheArmAndIsTold) {
-    const Experiment e = test::readTestExperiment(
-        kTeleoperation, {kCertified, "robust_loop={plugin: throwing_robust, after_ticks: 200}"});
+    const Experiment e =
+        readTestExperiment(kTeleoperation, {kCertified, "robust_loop={plugin: throwing_robust, after_ticks: 200}"});
     LiveSession session(configureCase(e.cases[0]), makeOptions(INFINITY));
     session.begin();
     const CaseResult result = session.finish();
@@ -267,18 +261,18 @@ TEST(LiveSession, AFailureStopsTheArmAndIsTold) {
 }
 
 TEST(LiveSession, ARehearsalNeedsNoRealArm) {
-    const Experiment e = test::readTestExperiment(kTeleoperation, {kCertified,
-                                                                   "real_plant={plugin: link, address: "
-                                                                   "\"127.0.0.1:9\"}"});
+    const Experiment e = readTestExperiment(kTeleoperation, {kCertified,
+                                                             "real_plant={plugin: link, address: "
+                                                             "\"127.0.0.1:9\"}"});
     EXPECT_NO_THROW(LiveSession::rehearse(e.cases[0]));
     LiveOptions options = makeOptions(1.0);
     EXPECT_THROW(LiveSession(configureCase(e.cases[0]), options), Error);
 }
 
 TEST(LiveSession, WhatFailsInTheRehearsalIsRefused) {
-    const Experiment e = test::readTestExperiment(kTeleoperation, {"filter={plugin: throwing_tick, after_ticks: 50}"});
-    const std::string error = test::catchError([&] { LiveSession::rehearse(e.cases[0]); }, ErrorKind::PluginFailed);
-    test::expectContains(error, {"case A", "rehearsal", "stopped at 0.0500 s", "'throwing_tick'", "it threw"});
+    const Experiment e = readTestExperiment(kTeleoperation, {"filter={plugin: throwing_tick, after_ticks: 50}"});
+    const std::string error = catchError([&] { LiveSession::rehearse(e.cases[0]); }, ErrorKind::PluginFailed);
+    expectContains(error, {"case A", "rehearsal", "stopped at 0.0500 s", "'throwing_tick'", "it threw"});
 }
 
 TEST(LatestValue, TheReaderGetsTheNewestAndAlwaysAWholeOne) {
@@ -302,4 +296,4 @@ TEST(LatestValue, TheReaderGetsTheNewestAndAlwaysAWholeOne) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,7 +1,5 @@
 #include "live/PlacedObstacles.h"
 
-#include <gtest/gtest.h>
-
 #include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -16,14 +14,10 @@
 #include "log/LogWriter.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::catchError;
-using test::expectContains;
-using test::kTeleoperation;
-using test::TemporaryFolder;
 
 /** An arm that keeps clear of a far shelf, and of a moving ball, so that all kinds of an index are there. */
 const std::vector<std::string> kBesideAShelf = {
@@ -117,7 +111,7 @@ TEST(PlacedObstacles, AFilterThatKeepsClearOfNothingTakesNone) {
          {std::vector<std::string>{"filter={plugin: certified_braking}"},
           std::vector<std::string>{kBesideAShelf[1], "filter={plugin: certified_braking}"},
           std::vector<std::string>{"filter={plugin: whole_arm_braking}"}}) {
-        const Experiment e = test::readTestExperiment(kTeleoperation, overrides);
+        const Experiment e = readTestExperiment(kTeleoperation, overrides);
         LiveSession session(configureCase(e.cases[0]), {});
         EXPECT_EQ(session.placed(), nullptr) << overrides.front();
     }
@@ -125,7 +119,7 @@ TEST(PlacedObstacles, AFilterThatKeepsClearOfNothingTakesNone) {
 
 /** What was done to the arm, and what it did, in simulated time. */
 struct Drive {
-    Drive() : experiment(test::readTestExperiment(kTeleoperation, kBesideAShelf)) {
+    Drive() : experiment(readTestExperiment(kTeleoperation, kBesideAShelf)) {
         CaseLog log;
         log.file = folder / "A.mcap";
         log.isLive = true;
@@ -215,8 +209,7 @@ void expectNothingAvoidable(const Drive& drive) {
 }
 
 void expectSameAgain(const Drive& drive) {
-    const ReplayResult again =
-        replayLog(drive.folder / "A.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    const ReplayResult again = replayLog(drive.folder / "A.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
     EXPECT_EQ(again.difference, "");
     EXPECT_EQ(again.ticks, static_cast<std::int64_t>(drive.rows.size()));
 }
@@ -261,8 +254,7 @@ TEST(PlacedObstacles, WhatIsDraggedAroundAMovingArmIsKeptClearOfAndReplaysToTheB
     LogWriter writer(drive.folder / "B.mcap", opening);
     for (const TickRecord& row : drive.rows) writer.append(row);
     writer.finish();
-    const ReplayResult other =
-        replayLog(drive.folder / "B.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    const ReplayResult other = replayLog(drive.folder / "B.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
     EXPECT_NE(other.difference, "");
 }
 
@@ -302,7 +294,7 @@ TEST(PlacedObstacles, WhatIsPutIntoTheArmBrakesItAndIsNamedUntilItIsTakenAway) {
 }
 
 TEST(PlacedObstacles, OfALiveArmReplayToTheBitWhateverTheClockDoes) {
-    const Experiment e = test::readTestExperiment(kTeleoperation, kBesideAShelf);
+    const Experiment e = readTestExperiment(kTeleoperation, kBesideAShelf);
     const TemporaryFolder folder;
     LiveOptions options;
     options.realTime = {-1, 0, false};
@@ -325,10 +317,10 @@ TEST(PlacedObstacles, OfALiveArmReplayToTheBitWhateverTheClockDoes) {
     EXPECT_GT(versions, 0);
     EXPECT_EQ(result.obstacles.size(), 10u);
     if (result.live->lostRows > 0) GTEST_SKIP() << "a disk that is too slow lost rows";
-    const ReplayResult again = replayLog(folder / "A.mcap", test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    const ReplayResult again = replayLog(folder / "A.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
     EXPECT_EQ(again.difference, "");
     EXPECT_EQ(again.ticks, static_cast<std::int64_t>(result.logRows));
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

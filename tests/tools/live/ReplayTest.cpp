@@ -1,32 +1,24 @@
 #include "live/Replay.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <fstream>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "log/LogWriter.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
-using test::catchError;
-using test::expectContains;
-using test::kOneJoint;
-using test::kTeleoperation;
-using test::TemporaryFolder;
 namespace fs = std::filesystem;
 
 ReplayResult replay(const fs::path& log) {
-    return replayLog(log, test::makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
+    return replayLog(log, makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
 }
 
 CaseResult record(const fs::path& log, const char* yaml, const std::vector<std::string>& overrides,
                   const std::atomic<int>* stop = nullptr) {
-    const Experiment e = test::readTestExperiment(yaml, overrides);
+    const Experiment e = readTestExperiment(yaml, overrides);
     RunOptions options;
     options.log = log;
     options.stopRequest = stop;
@@ -117,4 +109,4 @@ TEST(Replay, OfSomethingElseIsRefusedWithTheReason) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

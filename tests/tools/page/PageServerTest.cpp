@@ -1,23 +1,18 @@
 #include "page/PageServer.h"
 #include "page/WebSocket.h"
 
-#include <gtest/gtest.h>
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <boost/version.hpp>
 #include <chrono>
-#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <random>
-#include <set>
-#include <stdexcept>
 #include <thread>
 
 #include "TemporaryFolder.h"
@@ -26,14 +21,10 @@
 #include "live/PlacedObstacles.h"
 #include "viable/core/Error.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::makeFrame;
-using test::readFrame;
-using test::ServerFrame;
-using test::TlsClient;
 
 constexpr unsigned char kText = 0x81, kBinary = 0x82;
 
@@ -48,7 +39,7 @@ bool await(const Condition& condition, double timeout_s = 10.0) {
 }
 
 const Certificate& certificate() {
-    static const test::TemporaryFolder folder;
+    static const TemporaryFolder folder;
     static const Certificate own = readOrMakeCertificate(folder.path() / "keys", {"localhost", "127.0.0.1", "::1"});
     return own;
 }
@@ -1060,7 +1051,7 @@ void letExpire(const std::filesystem::path& keys) {
 }
 
 TEST(PageCertificate, OfAllThatStartAtOnceIsTheSame) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     for (int round = 0; round < 10; ++round) {
         const std::filesystem::path keys = folder.path() / std::to_string(round);
         std::vector<Certificate> got(8);
@@ -1074,7 +1065,7 @@ TEST(PageCertificate, OfAllThatStartAtOnceIsTheSame) {
 }
 
 TEST(PageCertificate, IsMadeAnewOfTheSameKeyWhereItDoesNotCountOrLacksAName) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::filesystem::path keys = folder.path() / "keys";
     const Certificate first = readOrMakeCertificate(keys, {"localhost", "127.0.0.1"});
     const Certificate wider = readOrMakeCertificate(keys, {"localhost", "192.168.1.2", "arm.local", "fd00::2"});
@@ -1091,7 +1082,7 @@ TEST(PageCertificate, IsMadeAnewOfTheSameKeyWhereItDoesNotCountOrLacksAName) {
 }
 
 TEST(PageCertificate, FilesThatOthersCouldHavePutThereAreRefused) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::filesystem::path keys = folder.path() / "keys", key = keys / "page_key.pem";
     const auto read = [&] { return readOrMakeCertificate(keys, {"localhost"}); };
     const Certificate first = read();
@@ -1117,7 +1108,7 @@ TEST(PageCertificate, FilesThatOthersCouldHavePutThereAreRefused) {
 }
 
 TEST(PageCertificate, IsMadeOnceAndItsKeyIsForNobodyElse) {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::filesystem::path keys = folder.path() / "a" / "viable";
     const Certificate first = readOrMakeCertificate(keys, {"localhost", "127.0.0.1"});
     const Certificate second = readOrMakeCertificate(keys, {"localhost", "127.0.0.1"});
@@ -1138,4 +1129,4 @@ TEST(PageCertificate, IsMadeOnceAndItsKeyIsForNobodyElse) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdint>
-#include <cstring>
 #include <string>
 
 namespace viable::test {

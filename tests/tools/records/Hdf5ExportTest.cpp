@@ -1,17 +1,14 @@
 #include <hdf5.h>
 #include <sys/resource.h>
 
-#include <algorithm>
 #include <csignal>
 #include <map>
 
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using namespace test;
 
 using Space = MotionCommand::Space;
 
@@ -481,4 +478,4 @@ TEST_F(Hdf5ExportTest, Fault72_AFullDiskLeavesNothing) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

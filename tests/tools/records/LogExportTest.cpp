@@ -2,33 +2,18 @@
 
 #include <sys/resource.h>
 
-#include <algorithm>
 #include <csignal>
-#include <cstdlib>
-#include <cstring>
 #include <map>
 
 #include "LogTestSupport.h"
 #include "Paths.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using namespace test;
 
 using Space = MotionCommand::Space;
 
-class LogExportTest : public LogTestBase {
-protected:
-    std::vector<std::string> listFolder() const {
-        std::vector<std::string> names;
-        for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
-            names.push_back(entry.path().filename().string());
-        }
-        std::sort(names.begin(), names.end());
-        return names;
-    }
-};
+class LogExportTest : public LogTestBase {};
 
 /** RFC 4180, written for this test. */
 std::vector<std::vector<std::string>> parseCsv(const std::string& text) {
@@ -319,4 +304,4 @@ TEST_F(LogExportTest, NothingIsOverwrittenAndNothingIsLeft) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

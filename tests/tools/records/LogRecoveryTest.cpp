@@ -3,20 +3,16 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <atomic>
 #include <csignal>
-#include <cstdlib>
 #include <thread>
 
 #include "Effort.h"
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using namespace test;
 
 using Space = MotionCommand::Space;
 
@@ -282,4 +278,4 @@ TEST_F(LogRecoveryTest, DamageIsNotHidden) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,7 +1,5 @@
 #include "report/RunReport.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "CaseSupport.h"
@@ -10,20 +8,15 @@
 #include "records/LogExport.h"
 #include "records/LogReader.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::catchError;
-using test::cutOut;
-using test::kPage;
-using test::ReadReport;
-using test::TemporaryFolder;
 
 /** A folder as a run leaves it. */
 struct RunFolder {
     explicit RunFolder(const std::string& yaml, const std::vector<std::string>& overrides = {})
-        : experiment(test::readTestExperiment(yaml, overrides)) {
+        : experiment(readTestExperiment(yaml, overrides)) {
         page = folder.write("page.html", kPage);
         std::filesystem::create_directory(path());
         for (const CasePlan& plan : experiment.cases) {
@@ -184,7 +177,7 @@ TEST(RunReport, AHostileTitleStaysText) {
 }
 
 TEST(RunReport, TheRealArmIsThereWithItsDerivatives) {
-    const RunFolder run(test::kTeleoperation);
+    const RunFolder run(kTeleoperation);
     const ReadReport report = run.report();
     const json& one = report.data["cases"][0];
     EXPECT_EQ(one["robust_loop"], "nric");
@@ -266,7 +259,7 @@ TEST(RunReport, TheRealJointsLimitsAndTheBoundAreShownWhereTheLogHasThem) {
 }
 
 TEST(RunReport, TheArmIsDrawnFromTheRobotsFolder) {
-    const RunFolder run(test::kTeleoperation);
+    const RunFolder run(kTeleoperation);
     const json scene = run.report().data["scene"];
     ASSERT_TRUE(scene.is_object());
     int moving = 0, capsules = 0;
@@ -280,7 +273,7 @@ TEST(RunReport, TheArmIsDrawnFromTheRobotsFolder) {
 }
 
 TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
-    const RunFolder run(test::kOneJoint);
+    const RunFolder run(kOneJoint);
     std::filesystem::remove(run.path() / "summary.json");
     const auto log = run.path() / "A.mcap";
     std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
@@ -294,7 +287,7 @@ TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
 }
 
 TEST(RunReport, WhatIsNoFaultOfTheArmIsNotHeldAgainstIt) {
-    const RunFolder run(test::kOneJoint);
+    const RunFolder run(kOneJoint);
     json summary = json::parse(std::ifstream(run.path() / "summary.json"));
     for (const int guilty : {0, 1}) {
         summary["cases"][0]["people"]["nominal"] = {{"ticks_too_fast", 5}, {"ticks_at_fault", guilty}};
@@ -304,7 +297,7 @@ TEST(RunReport, WhatIsNoFaultOfTheArmIsNotHeldAgainstIt) {
 }
 
 TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
-    const RunFolder run(test::kOneJoint);
+    const RunFolder run(kOneJoint);
     EXPECT_EQ(run.report().data["cases"][0]["ok"], true);
     const auto log = run.path() / "A.mcap";
     std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
@@ -314,7 +307,7 @@ TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
 }
 
 TEST(RunReport, ARecoveredLogStandsForTheOneThatWasCutOff) {
-    const RunFolder run(test::kOneJoint);
+    const RunFolder run(kOneJoint);
     const auto log = run.path() / "A.mcap";
     std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
     const std::uint64_t rows = recoverLog(log, run.path() / "A.recovered.mcap");
@@ -380,7 +373,7 @@ TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
     EXPECT_NE(
         catchError([&] { writeReport(folder.path(), folder / "absent.html"); }).find("the page of reports is missing"),
         std::string::npos);
-    const RunFolder run(test::kOneJoint);
+    const RunFolder run(kOneJoint);
     const auto empty = folder.write("empty.html", "<html></html>");
     EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no placeholder for the data"),
               std::string::npos);
@@ -388,7 +381,7 @@ TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
 }
 
 TEST(RunReport, SummaryOfAnotherShapeIsRefusedNotAMisreading) {
-    const RunFolder run(test::kOneJoint);
+    const RunFolder run(kOneJoint);
     for (const char* text : {R"({"cases": 3})", R"({"cases": [5]})", R"({"cases": [{"name": 7}]})",
                              R"({"cases": [{"name": "A"}]})", R"({"title": 1, "cases": []})"}) {
         std::ofstream(run.path() / "summary.json") << text;
@@ -397,4 +390,4 @@ TEST(RunReport, SummaryOfAnotherShapeIsRefusedNotAMisreading) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 #include <octomap/OcTree.h>
 
 #include <cmath>
@@ -6,7 +5,6 @@
 #include <set>
 
 #include "CaseSupport.h"
-#include "Paths.h"
 #include "ReportSupport.h"
 #include "environment/OccupancyMap.h"
 #include "log/LogWriter.h"
@@ -14,13 +12,10 @@
 #include "robot/ArmReach.h"
 #include "viable/core/Numbers.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::kPage;
-using test::ReadReport;
-using test::TemporaryFolder;
 
 /** A log of ten rows of an Indy7 among these surroundings; row k has a clearance of k mm, but of row 3 nobody knows it
 and in row 4 nothing is near. */
@@ -299,4 +294,4 @@ TEST(SurroundingsReport, AMapThatIsLostOrAnotherOneByNowIsNotDrawnAndThePageSays
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -1,22 +1,16 @@
 #include "report/SweepReport.h"
 
-#include <gtest/gtest.h>
 #include <sqlite3.h>
 
 #include <cmath>
-#include <set>
 
 #include "CaseSupport.h"
 #include "ReportSupport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::catchError;
-using test::kPage;
-using test::ReadReport;
-using test::TemporaryFolder;
 
 /** A store of a sweep, written as a sweep does: with a write-ahead log, kept open. */
 class SmallSweep {
@@ -131,7 +125,7 @@ TEST(SweepReport, HoldsEveryValueOfTheStoreInFull) {
     EXPECT_EQ(shares[2], 0.30000000000000004);
     EXPECT_EQ(readWords(report, columns[3]), (std::vector<std::string>{"tripped", "crashed", "ok"}));
     EXPECT_EQ(readWords(report, columns[4])[1], "(none)");
-    EXPECT_EQ(test::cutOut(report.text, "<data>", "</data>").find('<'), std::string::npos);
+    EXPECT_EQ(cutOut(report.text, "<data>", "</data>").find('<'), std::string::npos);
 }
 
 TEST(SweepReport, ASweepBeforeItsFirstRunHasAReport) {
@@ -206,4 +200,4 @@ TEST(SweepReport, RefusesWhatIsNoWholeStore) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

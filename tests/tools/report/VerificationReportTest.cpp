@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "ReportSupport.h"
@@ -7,13 +5,10 @@
 #include "log/LogWriter.h"
 #include "report/RunReport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
 
 using nlohmann::json;
-using test::kPage;
-using test::ReadReport;
-using test::TemporaryFolder;
 
 /** A run of one joint with the logs A.mcap and B.mcap, which begin at 2 s. */
 class VerifiedRun {
@@ -217,4 +212,4 @@ TEST(VerificationReport, ADamagedOrForeignFileIsLeftOutAndTheNoteSaysWhy) {
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

@@ -3,19 +3,13 @@
 #include "summary/SummaryFigures.h"
 #include "viable/core/Numbers.h"
 
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "CaseSupport.h"
 
-namespace viable {
+namespace viable::test {
 namespace {
-
-using test::expectContains;
-using test::kOneJoint;
-using test::readTestExperiment;
 
 /** One joint within +-1 rad, 2 rad/s, 3 rad/s^2 and 4 rad/s^3. */
 JointLimits makeLimits() {
@@ -460,4 +454,4 @@ TEST(Summary, TheRankingPutsTicksOutsideBeforeTicksWithoutAChoiceBeforeTheComman
 }
 
 }  // namespace
-}  // namespace viable
+}  // namespace viable::test

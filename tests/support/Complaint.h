@@ -1,0 +1,31 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "viable/core/Error.h"
+
+namespace viable::test {
+
+/** What `action` complains about, by an Error of this kind; empty when it does not. */
+template <class Action>
+std::string findComplaint(const Action& action, ErrorKind kind = ErrorKind::BadInput) {
+    try {
+        action();
+    } catch (const Error& e) {
+        EXPECT_EQ(e.kind(), kind) << e.what();
+        return e.what();
+    }
+    return {};
+}
+
+/** The same; fails when no error is thrown. */
+template <class Action>
+std::string catchError(const Action& action, ErrorKind kind = ErrorKind::BadInput) {
+    const std::string complaint = findComplaint(action, kind);
+    EXPECT_NE(complaint, "") << "no error was thrown";
+    return complaint;
+}
+
+}  // namespace viable::test
