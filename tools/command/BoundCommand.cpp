@@ -142,7 +142,9 @@ int run(const BoundArguments& arguments) {
     nlohmann::json all = nlohmann::json::array();
     std::exception_ptr refusal;  // of the first case that no run would begin with
     bool any = false, found = arguments.caseName.empty();
+    std::vector<std::string> names;
     for (const CasePlan& plan : experiment.cases) {
+        names.push_back(plan.name);
         if (!arguments.caseName.empty() && plan.name != arguments.caseName) continue;
         found = true;
         if (!plan.disturbances) continue;
@@ -159,7 +161,9 @@ int run(const BoundArguments& arguments) {
             if (!refusal) refusal = std::current_exception();
         }
     }
-    if (!found) throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file);
+    if (!found)
+        throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file,
+                       "The file's cases: " + detail::join(names) + ".");
     if (!any)
         throw badInput(arguments.file,
                        "no case has a tracking bound: it needs a disturbance_set and the robust loop nric",
