@@ -69,11 +69,12 @@ async function watch() {
     const value = one.reader.readMessage(data);
     assert.equal(one.reader.lastReadHadTrailingBytes(), false, `${one.topic}: bytes that the schema does not name`);
     one.messages.push([timestamp, value]);
+    one.data.push(data);
   });
   for (const channel of channels) {
     assert.equal(channel.encoding, 'cdr');
     assert.equal(channel.schemaEncoding, 'ros2msg');
-    const one = { topic: channel.topic, reader: new MessageReader(parse(channel.schema, { ros2: true })), messages: [] };
+    const one = { topic: channel.topic, reader: new MessageReader(parse(channel.schema, { ros2: true })), messages: [], data: [] };
     seen.set(channel.topic, one);
     subscriptions.set(client.subscribe(channel.id), one);
   }
@@ -87,14 +88,25 @@ async function watch() {
   return seen;
 }
 
+/** What this program does with what it gets, but of an earlier watch: the loop shares the machine with that as well. */
+async function readAgain(seen) {
+  const end = performance.now() + WINDOW_MS;
+  for (let k = 0; performance.now() < end; ++k) {
+    for (const { reader, data } of seen.values()) reader.readMessage(data[k % data.length]);
+    await sleep(1000 / RATE_HZ);
+  }
+}
+
 const windows = [];
 const all = [];
+let before = judgesTimes ? await watch() : new Map();
 for (let round = 0; round < ROUNDS; ++round) {
-  await sleep(WINDOW_MS);
+  await readAgain(before);
   const seen = await watch();
   const times = seen.get('/tick').messages.map(([time]) => Number(time) * 1e-9);
   windows.push([times[0], times.at(-1)]);
   all.push(seen);
+  before = seen;
 }
 operator.send('stop');
 clearInterval(alive);
