@@ -164,6 +164,7 @@ if (!isRealTime) {
 assert.ok(quantile(rates, 0.5) > 0.95 * RATE_HZ, 'rows are lost'); // of a busy machine, in a window or two
 if (!judgesTimes) process.exit(0); // two programs beside the loop: for a machine of several cores
 assert.ok(quantile(slower, 0.5) <= MOST_SLOWER, 'the loop notices');
+assert.ok(Math.max(...slower) <= 2, 'the loop notices it now and then'); // other programs do so, too, but not as much
 // Ticks are missed by chance where others use the machine: three standard deviations of the difference of two such counts.
 const chance = 3 * Math.sqrt(missed.with + missed.without);
 assert.ok(missed.with <= missed.without + chance, 'ticks are missed');
