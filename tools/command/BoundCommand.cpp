@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "Commands.h"
+#include "ExperimentArguments.h"
 #include "core/JsonNumber.h"
 #include "core/Text.h"
 #include "experiment/CaseForecast.h"
@@ -137,16 +138,13 @@ nlohmann::json makeJson(const ConfiguredCase& configured) {
 
 int run(const BoundArguments& arguments) {
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
-    const Experiment experiment =
+    Experiment experiment =
         readExperiment(arguments.file, arguments.overrides, loader, makeRobotSearchPath(arguments.file));
+    if (!arguments.caseName.empty()) selectCases(experiment, {arguments.caseName});
     nlohmann::json all = nlohmann::json::array();
     std::exception_ptr refusal;  // of the first case that no run would begin with
-    bool any = false, found = arguments.caseName.empty();
-    std::vector<std::string> names;
+    bool any = false;
     for (const CasePlan& plan : experiment.cases) {
-        names.push_back(plan.name);
-        if (!arguments.caseName.empty() && plan.name != arguments.caseName) continue;
-        found = true;
         if (!plan.disturbances) continue;
         const auto configured = configureTracking(plan);
         if (!configured->bound) continue;
@@ -161,9 +159,6 @@ int run(const BoundArguments& arguments) {
             if (!refusal) refusal = std::current_exception();
         }
     }
-    if (!found)
-        throw badInput("--case", "there is no case '" + arguments.caseName + "' in " + arguments.file,
-                       "The file's cases: " + detail::join(names) + ".");
     if (!any)
         throw badInput(arguments.file,
                        "no case has a tracking bound: it needs a disturbance_set and the robust loop nric",

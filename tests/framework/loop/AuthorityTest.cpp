@@ -4,6 +4,7 @@
 #include <optional>
 #include <random>
 
+#include "Joints.h"
 #include "TestArm.h"
 #include "loop/Authority.h"
 #include "loop/SensorCheck.h"
@@ -15,21 +16,16 @@ namespace {
 using detail::Authority;
 using detail::AuthoritySizes;
 using detail::limitMotorStep;
-
-JointVector pair(double a, double b) {
-    JointVector v(2);
-    v << a, b;
-    return v;
-}
+using test::joints;
 
 /** Two joints, twice their friction 3 and 1 Nm and viscous 2 Nm, that may be pushed by 10 and 4 Nm. */
 class AuthorityTest : public testing::Test {
 protected:
     AuthorityTest() {
-        arm_.limits.velocity = {pair(-2.0, -2.0), pair(2.0, 2.0)};
+        arm_.limits.velocity = {joints(-2.0, -2.0), joints(2.0, 2.0)};
         setup_.emplace(arm_.setup());
-        arm_.robot.actuation.friction = {pair(1.5, 0.5), pair(1.0, 1.0), pair(0.5, 0.5)};
-        authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
+        arm_.robot.actuation.friction = {joints(1.5, 0.5), joints(1.0, 1.0), joints(0.5, 0.5)};
+        authority_ = Authority(*setup_, sizes_);
     }
     /** One tick. Returns what is left of the torque. */
     JointVector tick(const JointVector& wanted, const JointState& real, const MotionState& nominal,
@@ -37,34 +33,35 @@ protected:
         seen_ = real;
         authority_.update(nominal, seen_);
         JointVector torque = wanted;
-        isCut_ = authority_.cut(pair(0, 0), torque);
+        isCut_ = authority_.cut(joints(0, 0), torque);
         std::array<bool, kMaxJoints> still{};
         still[0] = isStill;
-        authority_.take(torque, still, pair(1.0, 1.0));
+        authority_.take(torque, still, joints(1.0, 1.0));
         return torque;
     }
 
     /** `lasting` has been added to the first joint for long. */
     void reset(double lasting) {
         authority_.reset();
-        for (int k = 0; k < 9000; ++k) tick(pair(lasting, 0.0), still_, rest_);
+        for (int k = 0; k < 9000; ++k) tick(joints(lasting, 0.0), still_, rest_);
     }
 
+    const AuthoritySizes sizes_{joints(10.0, 4.0), joints(6.0, 2.0), 2.0, joints(20.0, 20.0)};
     TestArm arm_{"planar_two_link"};
     std::optional<RunSetup> setup_;
     Authority authority_;
     JointState seen_;
     bool isCut_ = false;
-    const MotionState rest_{pair(0, 0), pair(0, 0), pair(0, 0)};
-    const JointState still_{pair(0, 0), pair(0, 0)};
+    const MotionState rest_{joints(0, 0), joints(0, 0), joints(0, 0)};
+    const JointState still_{joints(0, 0), joints(0, 0)};
 };
 
 TEST_F(AuthorityTest, ChangesNothingWhileNothingIsCut) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
     for (int k = 0; k < 2000; ++k) {
-        const JointState real{pair(share(random), share(random)), pair(share(random), share(random))};
-        const JointVector wanted = pair(10.0 * share(random), 4.0 * share(random));
+        const JointState real{joints(share(random), share(random)), joints(share(random), share(random))};
+        const JointVector wanted = joints(10.0 * share(random), 4.0 * share(random));
         EXPECT_EQ(tick(wanted, real, rest_), wanted);
         EXPECT_EQ(seen_.q, real.q);
         EXPECT_EQ(seen_.qd, real.qd);
@@ -77,8 +74,8 @@ TEST_F(AuthorityTest, NothingTakesTheTorqueBeyondWhatItSays) {
     std::normal_distribution<double> any(0.0, 1e3);
     double largest = 0.0;
     for (int k = 0; k < 20000; ++k) {
-        const JointState real{pair(any(random), any(random)), pair(any(random), any(random))};
-        const JointVector torque = tick(pair(any(random), any(random)), real, rest_);
+        const JointState real{joints(any(random), any(random)), joints(any(random), any(random))};
+        const JointVector torque = tick(joints(any(random), any(random)), real, rest_);
         if (random() % 1000 == 0) authority_.open(0, random() % 2 == 0);
         if (random() % 2000 == 0) authority_.reset();
         // lasting + friction at the velocity limit + reach
@@ -94,32 +91,32 @@ TEST_F(AuthorityTest, WhatFreeMotionNeedsForLongerIsLearntAndWhatIsCutIsNot) {
         Authority copy = authority_;
         JointState seen = still_;
         copy.update(rest_, seen);
-        JointVector torque = pair(1e3, 1e3);
-        copy.cut(pair(0, 0), torque);
+        JointVector torque = joints(1e3, 1e3);
+        copy.cut(joints(0, 0), torque);
         return torque;
     };
-    for (int k = 0; k < 5000; ++k) tick(pair(5.0, 0.0), still_, rest_);  // a payload
+    for (int k = 0; k < 5000; ++k) tick(joints(5.0, 0.0), still_, rest_);  // a payload
     EXPECT_NEAR(most()[0], 5.0 + 3.0 + 10.0, 0.05);
     EXPECT_EQ(most()[1], 1.0 + 4.0);
-    for (int k = 0; k < 3000; ++k) EXPECT_NEAR(tick(pair(100.0, 0.0), still_, rest_)[0], 18.0, 0.05);
+    for (int k = 0; k < 3000; ++k) EXPECT_NEAR(tick(joints(100.0, 0.0), still_, rest_)[0], 18.0, 0.05);
     EXPECT_NEAR(most()[0], 18.0, 0.05) << "held";
-    for (int k = 0; k < 20000; ++k) tick(pair(12.9, 0.0), still_, rest_);
+    for (int k = 0; k < 20000; ++k) tick(joints(12.9, 0.0), still_, rest_);
     EXPECT_EQ(most()[0], 6.0 + 3.0 + 10.0) << "no more than that";
 }
 
 TEST_F(AuthorityTest, AJointThatWasHeldIsPulledBackNoFasterThanItMayMove) {
-    const JointState away{pair(-1.0, 0.0), pair(0.0, 0.0)};
-    tick(pair(5.0, 0.0), away, rest_);
+    const JointState away{joints(-1.0, 0.0), joints(0.0, 0.0)};
+    tick(joints(5.0, 0.0), away, rest_);
     EXPECT_EQ(seen_.q, away.q) << "nothing was cut yet";
-    for (int k = 0; k < 5; ++k) tick(pair(1e4, 0.0), away, rest_);
+    for (int k = 0; k < 5; ++k) tick(joints(1e4, 0.0), away, rest_);
     MotionState nominal = rest_;
     for (const double speed : {0.0, 1.0, -2.0}) {
         nominal.qd[0] = speed;
-        tick(pair(1.0, 0.0), away, nominal);
+        tick(joints(1.0, 0.0), away, nominal);
         EXPECT_NEAR(speed - 20.0 * seen_.q[0], 1.02 * 2.0, 1e-9) << speed;  // nominal speed and pull
     }
-    tick(pair(1.0, 0.0), still_, rest_);
-    tick(pair(1.0, 0.0), away, rest_);
+    tick(joints(1.0, 0.0), still_, rest_);
+    tick(joints(1.0, 0.0), away, rest_);
     EXPECT_EQ(seen_.q, away.q) << "it was back";
 }
 
@@ -127,10 +124,10 @@ TEST_F(AuthorityTest, WhatIsTakenOffANominalTorqueBeyondTheMotorIsNoPush) {
     const double limit = arm_.robot.actuation.torqueLimit[0];
     JointState seen = still_;
     authority_.update(rest_, seen);
-    JointVector torque = pair(-80.0, 0.0);
-    EXPECT_FALSE(authority_.cut(pair(limit + 80.0, 0.0), torque));
-    torque = pair(-120.0, 0.0);
-    EXPECT_TRUE(authority_.cut(pair(limit + 80.0, 0.0), torque));
+    JointVector torque = joints(-80.0, 0.0);
+    EXPECT_FALSE(authority_.cut(joints(limit + 80.0, 0.0), torque));
+    torque = joints(-120.0, 0.0);
+    EXPECT_TRUE(authority_.cut(joints(limit + 80.0, 0.0), torque));
     EXPECT_DOUBLE_EQ(torque[0], -80.0 - 13.0);
 }
 
@@ -145,10 +142,10 @@ TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackWithoutAStepAndWithoutThrowi
             fastest = std::max(fastest, speed);
             slowest = std::min(slowest, speed);
         };
-        for (int k = 0; k < 6; ++k) move(last = tick(pair(1e3, 0.0), still_, rest_, true)[0]);
+        for (int k = 0; k < 6; ++k) move(last = tick(joints(1e3, 0.0), still_, rest_, true)[0]);
         authority_.open(0, true);
         for (int k = 0; k < 40; ++k) {
-            const double torque = tick(pair(2.0, 0.0), still_, rest_)[0];
+            const double torque = tick(joints(2.0, 0.0), still_, rest_)[0];
             move(torque);
             largestStep = std::max(largestStep, std::abs(torque - last));
             last = torque;
@@ -165,39 +162,39 @@ TEST_F(AuthorityTest, WhatWasPushedInVainIsTakenBackWithoutAStepAndWithoutThrowi
 TEST_F(AuthorityTest, AJointThatRestedOrWasLedIsNotThrown) {
     const auto findLargest = [&] {  // beyond d, in the direction that takes back
         double largest = 0.0;
-        for (int k = 0; k < 400; ++k) largest = std::max(largest, 2.0 - tick(pair(2.0, 0.0), still_, rest_)[0]);
+        for (int k = 0; k < 400; ++k) largest = std::max(largest, 2.0 - tick(joints(2.0, 0.0), still_, rest_)[0]);
         return largest;
     };
     reset(2.0);
-    for (int k = 0; k < 60000; ++k) tick(pair(2.3, 0.0), still_, rest_, true);
+    for (int k = 0; k < 60000; ++k) tick(joints(2.3, 0.0), still_, rest_, true);
     authority_.open(0, true);
     EXPECT_LE(findLargest(), 1e-6) << "a minute at rest";
     reset(2.0);
-    for (int k = 0; k < 2000; ++k) tick(pair(1e3, 0.0), still_, rest_, false);
+    for (int k = 0; k < 2000; ++k) tick(joints(1e3, 0.0), still_, rest_, false);
     authority_.open(0, true);
     EXPECT_LE(findLargest(), 1e-6) << "led, and cut all the while";
     reset(2.0);
-    for (int k = 0; k < 60000; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+    for (int k = 0; k < 60000; ++k) tick(joints(1e3, 0.0), still_, rest_, true);
     authority_.open(0, false);
     EXPECT_LE(findLargest(), 1e-6) << "a jump says nothing of what was pushed";
     reset(2.0);
-    for (int k = 0; k < 60000; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+    for (int k = 0; k < 60000; ++k) tick(joints(1e3, 0.0), still_, rest_, true);
     double impulse = 0.0;
     authority_.open(0, true);
-    for (int k = 0; k < 400; ++k) impulse += std::max(0.0, 2.0 - tick(pair(2.0, 0.0), still_, rest_)[0]);
+    for (int k = 0; k < 400; ++k) impulse += std::max(0.0, 2.0 - tick(joints(2.0, 0.0), still_, rest_)[0]);
     EXPECT_LE(impulse, 10.0 * Authority::kTakeBackTicks + 1e-6) << "whatever was pushed";
 }
 
 TEST_F(AuthorityTest, WhatIsTakenBackTakesATenthOfASecondOrTwoTicksAtMost) {
     for (const double tick_s : {1e-4, 1e-3, 4e-3, 1e-2, 0.1}) {
         setup_->tick_s = tick_s;
-        authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
-        for (int k = 0; k < 1000; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+        authority_ = Authority(*setup_, sizes_);
+        for (int k = 0; k < 1000; ++k) tick(joints(1e3, 0.0), still_, rest_, true);
         authority_.open(0, true);
         double impulse = 0.0;
         int ticks = 0;
         for (int k = 0; k < 5000; ++k) {
-            const double torque = tick(pair(0.0, 0.0), still_, rest_)[0];
+            const double torque = tick(joints(0.0, 0.0), still_, rest_)[0];
             if (k == 0) EXPECT_LT(torque, 13.0) << "it comes down from the first tick on";
             impulse += std::min(0.0, torque);
             if (std::abs(torque) > 1e-9) ticks = k + 1;
@@ -210,66 +207,66 @@ TEST_F(AuthorityTest, WhatIsTakenBackTakesATenthOfASecondOrTwoTicksAtMost) {
 
 TEST_F(AuthorityTest, TellsWhatAJointThatReadsTheSameMustHaveDone) {
     reset(0.0);
-    for (int k = 0; k < 1000; ++k) tick(pair(5.9, 1.9), still_, rest_, true);
+    for (int k = 0; k < 1000; ++k) tick(joints(5.9, 1.9), still_, rest_, true);
     EXPECT_EQ(authority_.impliedTravel(0), 0.0) << "twice its dry friction, both ways, may hold it";
     reset(0.0);
     for (int k = 0; k < 5; ++k) {
         EXPECT_FALSE(authority_.isPressed(0)) << k;
-        tick(pair(1e3, 0.0), still_, rest_, true);
+        tick(joints(1e3, 0.0), still_, rest_, true);
     }
     EXPECT_TRUE(authority_.isPressed(0));
     EXPECT_NEAR(authority_.impliedTravel(0), 7.0 * 15 * 1e-6, 1e-12);  // 13 less 6 Nm on 1 kg m^2, 5 ticks
-    tick(pair(1e3, 0.0), still_, rest_, false);
+    tick(joints(1e3, 0.0), still_, rest_, false);
     EXPECT_FALSE(authority_.isPressed(0)) << "it moved";
     EXPECT_EQ(authority_.impliedTravel(0), 0.0);
     reset(0.0);
-    for (int k = 0; k < 50; ++k) tick(pair(7.9, 0.0), still_, rest_, true);
+    for (int k = 0; k < 50; ++k) tick(joints(7.9, 0.0), still_, rest_, true);
     EXPECT_FALSE(authority_.isPressed(0)) << "less than half of its reach beside friction";
     for (const double way : {1.0, -1.0}) {
         reset(-2.25 * way);  // dry friction, half more than the figure
         for (int k = 0; k < 50; ++k) {
-            tick(pair(way * (-2.25 + 3.0 + 6.5), 0.0), still_, rest_, true);
+            tick(joints(way * (-2.25 + 3.0 + 6.5), 0.0), still_, rest_, true);
             EXPECT_FALSE(authority_.isPressed(0)) << "friction turns round, too: " << k;
         }
         reset(-2.25 * way);
-        for (int k = 0; k < 5; ++k) tick(pair(way * (3.0 + 5.1), 0.0), still_, rest_, true);
+        for (int k = 0; k < 5; ++k) tick(joints(way * (3.0 + 5.1), 0.0), still_, rest_, true);
         EXPECT_TRUE(authority_.isPressed(0));
     }
     arm_.robot.actuation.friction.coulomb[0] = 2.6;  // its reach of 10 Nm is less than four times that
-    authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
+    authority_ = Authority(*setup_, sizes_);
     reset(-5.3);
-    for (int k = 0; k < 500; ++k) tick(pair(1e3, 0.0), still_, rest_, true);
+    for (int k = 0; k < 500; ++k) tick(joints(1e3, 0.0), still_, rest_, true);
     EXPECT_FALSE(authority_.isPressed(0)) << "so much friction may hold it (MATH 11)";
     arm_.robot.actuation.friction.coulomb[0] = 1.5;
-    authority_ = Authority(*setup_, {pair(10.0, 4.0), pair(6.0, 2.0), 2.0, pair(20.0, 20.0)});
+    authority_ = Authority(*setup_, sizes_);
     for (const double after : {4.0, 0.0, -2.9, -5.9, 10.9}) {
         reset(5.0);
-        for (int k = 0; k < 1000; ++k) tick(pair(after, 0.0), still_, rest_, true);
+        for (int k = 0; k < 1000; ++k) tick(joints(after, 0.0), still_, rest_, true);
         EXPECT_EQ(authority_.impliedTravel(0), 0.0) << "what lasted may be gone: " << after;
     }
     reset(5.0);
-    tick(pair(-6.1, 0.0), still_, rest_, true);
+    tick(joints(-6.1, 0.0), still_, rest_, true);
     EXPECT_LT(authority_.impliedTravel(0), 0.0);
     EXPECT_TRUE(authority_.hasAdded(0));
     EXPECT_FALSE(authority_.hasAdded(1));
 }
 
 TEST_F(AuthorityTest, WhatIsAddedGivesWayToTheMotorsRate) {
-    JointVector added = pair(5.0, 0.1);
-    limitMotorStep(pair(1.0, 0.3), pair(2.0, 0.25), pair(0.5, 0.5), added);
-    EXPECT_EQ(added, pair(1.5, 0.1)) << "the second changes in no bit";
-    limitMotorStep(pair(9.0, 0.3), pair(2.0, 0.25), pair(0.5, 0.0), added);
-    EXPECT_EQ(added, pair(-6.5, 0.25 - 0.3));
+    JointVector added = joints(5.0, 0.1);
+    limitMotorStep(joints(1.0, 0.3), joints(2.0, 0.25), joints(0.5, 0.5), added);
+    EXPECT_EQ(added, joints(1.5, 0.1)) << "the second changes in no bit";
+    limitMotorStep(joints(9.0, 0.3), joints(2.0, 0.25), joints(0.5, 0.0), added);
+    EXPECT_EQ(added, joints(-6.5, 0.25 - 0.3));
 }
 
 TEST_F(AuthorityTest, WiderLimitsCountUntilTheReset) {
     const auto findFriction = [&] {  // at all the speed that counts
-        for (int k = 0; k < 200; ++k) tick(pair(1e3, 0.0), {pair(0, 0), pair(100.0, 0.0)}, rest_);
-        return tick(pair(1e3, 0.0), {pair(0, 0), pair(100.0, 0.0)}, rest_)[0] - 10.0;
+        for (int k = 0; k < 200; ++k) tick(joints(1e3, 0.0), {joints(0, 0), joints(100.0, 0.0)}, rest_);
+        return tick(joints(1e3, 0.0), {joints(0, 0), joints(100.0, 0.0)}, rest_)[0] - 10.0;
     };
     const auto calcFigure = [](double speed) { return 3.0 + 2.0 * (1.0 - std::exp(-speed / 0.5)); };
     EXPECT_NEAR(findFriction(), calcFigure(2.0), 1e-6);
-    arm_.limits.velocity = {pair(-2.0, -2.0), pair(3.0, 2.0)};
+    arm_.limits.velocity = {joints(-2.0, -2.0), joints(3.0, 2.0)};
     authority_.widen(arm_.limits);
     EXPECT_NEAR(findFriction(), calcFigure(3.0), 1e-6);
     authority_.reset();

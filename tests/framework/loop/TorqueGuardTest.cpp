@@ -13,6 +13,7 @@
 
 #include "../../../framework/examples/own_loop/SimulatedRobot.h"
 #include "CaseSupport.h"
+#include "Joints.h"
 #include "TestArm.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
@@ -23,13 +24,8 @@ namespace {
 constexpr double kTick_s = 1e-3;
 
 using test::catchError;
+using test::joints;
 using testing::makeTwoLinkArm;
-
-JointVector pair(double first, double second) {
-    JointVector v(2);
-    v << first, second;
-    return v;
-}
 
 JointState atHome(const RobotDescription& robot) {
     return {robot.home, JointVector::Zero(robot.size())};
@@ -113,7 +109,7 @@ struct MovingArm {
     }
     RobotDescription robot;
     TorqueGuard guard;
-    Spring spring{pair(5.0, 5.0)};
+    Spring spring{joints(5.0, 5.0)};
 };
 
 // --- The same as in experiments -------------------------------------------------------------------
@@ -806,14 +802,14 @@ TEST(TorqueGuard, WithoutAStartThereIsNoTorque) {
 /** Without limits on readings and motors nothing holds the robust loop back. */
 TEST(TorqueGuard, ARobustTorqueBeyondAllArithmeticStopsTheArm) {
     RobotDescription robot = makeTwoLinkArm();
-    robot.actuation.torqueLimit = pair(kInfinity, kInfinity);
+    robot.actuation.torqueLimit = joints(kInfinity, kInfinity);
     TorqueGuardOptions options;
     options.largestSpeed = kInfinity;
     TorqueGuard guard(robot, kTick_s, options);
     guard.start(atHome(robot));
     guard.step(atHome(robot), Spring{robot.home});
     EXPECT_EQ(guard.stopReason(), GuardStop::None);
-    const GuardedTorque& out = guard.step({robot.home, pair(1e15, 0.0)}, Spring{robot.home});
+    const GuardedTorque& out = guard.step({robot.home, joints(1e15, 0.0)}, Spring{robot.home});
     EXPECT_LE(out.torque.lpNorm<Eigen::Infinity>(), 1e9);
     EXPECT_EQ(guard.stopReason(), GuardStop::RobustLoopFailed);
     EXPECT_CONTAINS(guard.stopMessage(), "beyond 1e9");
@@ -822,7 +818,7 @@ TEST(TorqueGuard, ARobustTorqueBeyondAllArithmeticStopsTheArm) {
 TEST(TorqueGuard, BeyondAllArithmeticTheTorqueGoesToZero) {
     RobotDescription robot = makeTwoLinkArm();
     robot.limits = JointLimits::unlimited(2);
-    robot.limits.velocity = {pair(-1e7, -1e7), pair(1e7, 1e7)};
+    robot.limits.velocity = {joints(-1e7, -1e7), joints(1e7, 1e7)};
     robot.limits.acceleration = robot.limits.jerk = robot.limits.velocity;
     TorqueGuard guard(robot, kTick_s);
     guard.start(atHome(robot));
@@ -847,8 +843,8 @@ TEST(TorqueGuard, BeyondAllArithmeticTheTorqueGoesToZero) {
 TEST(TorqueGuard, AStartAtSpeedIsTakenUp) {
     const RobotDescription robot = makeTwoLinkArm();
     TorqueGuard guard(robot, kTick_s);
-    guard.start({robot.home, pair(1.5, -2.0)});
-    EXPECT_EQ(guard.nominal().qd, pair(1.5, -2.0));
+    guard.start({robot.home, joints(1.5, -2.0)});
+    EXPECT_EQ(guard.nominal().qd, joints(1.5, -2.0));
     LimitKeeper keeper(guard);
     BangBang law(2, 300.0, 5);
     for (int k = 0; k < 3000; ++k) {
@@ -861,9 +857,9 @@ TEST(TorqueGuard, AStartAtSpeedIsTakenUp) {
 TEST(TorqueGuard, AStartThatCannotKeepTheLimitsIsRefusedOrLedBack) {
     const RobotDescription robot = makeTwoLinkArm();
     const std::pair<JointState, const char*> starts[] = {
-        {{pair(2.6, 0.0), pair(0.0, 0.0)}, "the start of joint0 is outside its limits: position 2.6 rad"},
-        {{pair(0.0, 0.0), pair(0.0, 2.6)}, "velocity 2.6 rad/s is beyond velocity_upper"},
-        {{pair(0.0, 2.49), pair(0.0, 1.0)}, "the start of joint1 is not viable"},
+        {{joints(2.6, 0.0), joints(0.0, 0.0)}, "the start of joint0 is outside its limits: position 2.6 rad"},
+        {{joints(0.0, 0.0), joints(0.0, 2.6)}, "velocity 2.6 rad/s is beyond velocity_upper"},
+        {{joints(0.0, 2.49), joints(0.0, 1.0)}, "the start of joint1 is not viable"},
     };
     for (const auto& [start, words] : starts) {
         SCOPED_TRACE(words);
@@ -882,7 +878,7 @@ TEST(TorqueGuard, AStartThatCannotKeepTheLimitsIsRefusedOrLedBack) {
         int recovering = 0;
         GuardStatus status = GuardStatus::NotStarted;
         for (int k = 0; k < 4000; ++k) {
-            status = guard.step(followExactly(guard), Spring{pair(3.0, -3.0)}).status;
+            status = guard.step(followExactly(guard), Spring{joints(3.0, -3.0)}).status;
             ASSERT_LE(status, GuardStatus::Recovering);
             recovering += status == GuardStatus::Recovering;
         }
@@ -900,19 +896,19 @@ TEST(TorqueGuard, AMalformedStartIsRefused) {
                         guard.start({robot.home, JointVector::Zero(3)});
                     }),
                     "TorqueGuard::start: the start has 2 positions and 3 velocities");
-    EXPECT_CONTAINS(catchError([&] { guard.start({robot.home, pair(0.0, kNan)}); }), "not finite");
-    EXPECT_CONTAINS(catchError([&] { guard.start({pair(1e8, 0.0), pair(0.0, 0.0)}); }), "beyond 1e7");
+    EXPECT_CONTAINS(catchError([&] { guard.start({robot.home, joints(0.0, kNan)}); }), "not finite");
+    EXPECT_CONTAINS(catchError([&] { guard.start({joints(1e8, 0.0), joints(0.0, 0.0)}); }), "beyond 1e7");
 }
 
 TEST(TorqueGuard, RobustGainsThatTheTickCannotCarryAreRefusedByJoint) {
     TorqueGuardOptions options;
-    options.robustGains = NricOptions{pair(600.0, 2000.0)};
+    options.robustGains = NricOptions{joints(600.0, 2000.0)};
     TorqueGuard guard(makeTwoLinkArm(), kTick_s, options);
     const std::string complaint = catchError([&] { guard.start(atHome(makeTwoLinkArm())); });
     EXPECT_CONTAINS(complaint, "NricOptions::kr: in this pose kr * tick_s is 2.");
     EXPECT_CONTAINS(complaint, "joint `joint1`");
     EXPECT_CONTAINS(complaint, "Lower kr of that joint from 2000 to ");
-    options.robustGains->kr = pair(600.0, std::strtod(complaint.c_str() + complaint.find("2000 to ") + 8, nullptr));
+    options.robustGains->kr = joints(600.0, std::strtod(complaint.c_str() + complaint.find("2000 to ") + 8, nullptr));
     TorqueGuard lowered(makeTwoLinkArm(), kTick_s, options);
     lowered.start(atHome(makeTwoLinkArm()));
 
@@ -966,8 +962,8 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
          [](auto&, auto&, TorqueGuardOptions& o) { o.convention.torqueRate = JointVector(JointVector::Ones(3)); }},
         {"TorqueConvention::addsFriction: the friction of joint `joint1` takes up to 9 Nm of the 4 Nm",
          [](RobotDescription& r, auto&, TorqueGuardOptions& o) {
-             r.actuation.friction = {pair(1.0, 6.0), pair(1.0, 3.0), pair(1.0, 1.0)};
-             r.actuation.torqueLimit = pair(4.0, 4.0);
+             r.actuation.friction = {joints(1.0, 6.0), joints(1.0, 3.0), joints(1.0, 1.0)};
+             r.actuation.torqueLimit = joints(4.0, 4.0);
              o.convention.addsFriction = true;
          }},
         {"TorqueGuardOptions::largestSpeed: nan for joint `joint0`",
@@ -997,9 +993,9 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
 
 TEST(TorqueGuard, LimitsOnOneSideOrNoneAreEnoughToBegin) {
     RobotDescription robot = makeTwoLinkArm();
-    robot.limits.position = {pair(-kInfinity, 20.0), pair(-20.0, kInfinity)};
+    robot.limits.position = {joints(-kInfinity, 20.0), joints(-20.0, kInfinity)};
     robot.allowLargeAngles = true;
-    robot.home = pair(-25.0, 25.0);
+    robot.home = joints(-25.0, 25.0);
     TorqueGuard guard(robot, kTick_s);
     guard.start(atHome(robot));
     EXPECT_LE(guard.step(followExactly(guard), Spring{robot.home}).status, GuardStatus::Limited);
@@ -1010,7 +1006,7 @@ TEST(TorqueGuard, LimitsOnOneSideOrNoneAreEnoughToBegin) {
 TEST(TorqueGuard, MotorsGetNoMoreThanTheyBearWithAndWithoutRobustLoop) {
     for (const bool isRobust : {true, false}) {
         RobotDescription robot = makeTwoLinkArm();
-        robot.actuation.torqueLimit = pair(30.0, 10.0);
+        robot.actuation.torqueLimit = joints(30.0, 10.0);
         TorqueGuardOptions options;
         if (!isRobust) options.hasRobustLoop = false;
         TorqueGuard guard(robot, kTick_s, options);
@@ -1089,13 +1085,13 @@ TEST(TorqueGuard, AMeasuredPushMovesTheNominalArmWithinItsLimits) {
     TorqueGuard guard(robot, kTick_s);
     TorqueGuard calm(robot, kTick_s);
     Summary summary(robot.jointNames(), guard.limits(), true);
-    const JointVector push = pair(30.0, -10.0);
+    const JointVector push = joints(30.0, -10.0);
     guard.start(atHome(robot));
     calm.start(atHome(robot));
     double moved = 0.0;
     for (int k = 0; k < 1500; ++k) {
         const bool isPushed = k >= 100 && k < 1100;
-        const JointVector external = isPushed ? push : JointVector(pair(0.0, 0.0));
+        const JointVector external = isPushed ? push : JointVector(joints(0.0, 0.0));
         const GuardedTorque& out = guard.step(followExactly(guard), external, Spring{robot.home});
         calm.step(followExactly(calm), Spring{robot.home});
         ASSERT_NE(out.status, GuardStatus::Stopping);
@@ -1112,11 +1108,11 @@ TEST(TorqueGuard, AMeasuredPushMovesTheNominalArmWithinItsLimits) {
 
 TEST(TorqueGuard, AnExternalTorqueOfNoUseMakesTheReadingUseless) {
     const RobotDescription robot = makeTwoLinkArm();
-    for (const JointVector& bad : {pair(kNan, 0.0), pair(0.0, 1e300), JointVector(JointVector::Zero(3))}) {
+    for (const JointVector& bad : {joints(kNan, 0.0), joints(0.0, 1e300), JointVector(JointVector::Zero(3))}) {
         TorqueGuard guard(robot, kTick_s);
         guard.start(atHome(robot));
         const Spring law{robot.home};
-        guard.step(followExactly(guard), pair(5.0, 0.0), law);
+        guard.step(followExactly(guard), joints(5.0, 0.0), law);
         for (int k = 0; k < 10; ++k) {
             const GuardedTorque& out = guard.step(followExactly(guard), bad, law);
             ASSERT_EQ(out.status, GuardStatus::Waiting);
