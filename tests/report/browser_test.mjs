@@ -62,14 +62,16 @@ const end = Math.max(...description.cases.map(endOf));
 const hasReal = description.cases.some((c) => c.joints.some(({ series }) => series.real_q));
 const hasBound = description.cases.some((c) => c.joints.some(({ series }) => series.bound_velocity !== undefined));
 const hasClearance = description.cases.some((c) => c.clearance?.distance);
+const touching = description.cases.find((c) => c.contact);
 const QUANTITIES = [
   ...['position', 'velocity', 'acceleration', 'jerk', 'torque'],
   ...(hasReal ? ['error'] : []),
   ...(hasBound ? ['velocity_error'] : []),
   'margin',
   ...(hasClearance ? ['clearance'] : []),
+  ...(touching ? ['contact'] : []),
 ];
-const OF_ARM = ['clearance']; // not of a joint
+const OF_ARM = ['clearance', 'contact']; // not of a joint
 const LIMITED = QUANTITIES.slice(0, 4);
 const SERIES = {
   position: 'nominal_q',
@@ -81,6 +83,7 @@ const SERIES = {
   velocity_error: 'error_velocity',
   margin: 'margin',
   clearance: 'clearance',
+  contact: 'contact',
 };
 
 /** Pixels of a plot in a colour (0xrrggbb), nearly. */
@@ -137,7 +140,8 @@ function hasNumbers(quantity) {
 
 /** Least and largest value of a series of the first joint in a case, or null. */
 function extremes(c, key) {
-  const reference = key === 'clearance' ? c.clearance?.distance : c.joints[0].series[key];
+  const ofArm = { clearance: c.clearance?.distance, contact: c.contact?.pressing };
+  const reference = key in ofArm ? ofArm[key] : c.joints[0].series[key];
   if (typeof reference === 'number') return [reference, reference];
   const range = [Infinity, -Infinity];
   for (let i = 0; i < (reference?.n ?? 0); ++i) {
@@ -379,6 +383,60 @@ testOfPage('the replay shows obstacles, the backup stop and what is nearest; eac
   assertQuiet(page);
 });
 
+testOfPage('what the real arm touches has a plot, an arrow as long as its force, and words', async () => {
+  const page = await open(reportPath, { height: 2000 });
+  const { peak_N: peak, last_N: last, peak_s, obstacles } = touching.contact;
+  assert.deepEqual(await page.locator('.verdict-contact').allTextContents(), [
+    `pressed ${obstacles[0]} with up to ${peak.toPrecision(3)} N (at ${peak_s.toFixed(3)} s), ${last} N at the end`,
+  ]);
+  await reach(page, 'contact');
+  assert.ok((await savedSvg(page, 'contact')).text.includes('>Contact force [N]<'));
+  const high = await page.locator('.panel[data-quantity=contact]').evaluate((root) => root.dataset.range.split(' ')[1]);
+  assert.ok(high > peak && high < 1.2 * peak, `${peak} N in a plot up to ${high} N`);
+
+  const chip = part(page, 'contact force');
+  const perDecimetre = Number((await chip.textContent()).match(/: 0\.1 m is (\S+) N$/)[1]);
+  assert.match(String(perDecimetre), /^[125]0*$/);
+  const arrow = () =>
+    page.evaluate(() => {
+      const { scene } = window.viableReport.replay;
+      const found = scene.getObjectByName('force');
+      found.updateMatrixWorld(true);
+      const [rod, head] = found.children;
+      const at = (part, height) => part.position.clone().set(0, height, 0).applyMatrix4(part.matrixWorld).toArray();
+      return { isShown: found.visible, from: at(rod, 0), neck: at(rod, 1), base: at(head, -1), tip: at(head, 0) };
+    });
+  const close = (a, b, what) => assert.ok(Math.hypot(...a.map((value, i) => value - b[i])) < 1e-6, `${what}: ${a}, not ${b}`);
+  for (const at of [1.502, 1.6, 1.798]) {
+    await showReplay(page, at);
+    const frame = Math.floor((at - touching.t0) / touching.replay.step_s + 1e-9);
+    const [pressing, ...rest] = Array.from({ length: 7 }, (_, i) =>
+      bytes.readFloatLE(touching.replay.contact.at + 4 * (8 * frame + i)),
+    );
+    const [force, point] = [rest.slice(0, 3), rest.slice(3)];
+    assert.ok(pressing > 80, `${pressing} N`);
+    const { isShown, from, neck, base, tip } = await arrow();
+    assert.ok(isShown);
+    close(from, point, 'it begins where the arm touches');
+    close(tip, point.map((value, i) => value + (0.1 * force[i]) / perDecimetre), 'it ends at the tip of the force');
+    close(neck, base, 'rod and head are one');
+    const text = `${pressing.toPrecision(3)} N`;
+    assert.equal(await page.locator('.nearest-label:visible', { hasText: /N$/ }).textContent(), text);
+    assert.ok((await words(page)).startsWith(`presses ${obstacles[0]} with ${text}`), await words(page));
+  }
+  await chip.click();
+  await eventually(async () => !(await arrow()).isShown, 'no arrow');
+  assert.doesNotMatch(await words(page), /presses/);
+  await chip.click();
+  await eventually(async () => (await arrow()).isShown, 'the arrow again');
+  await showReplay(page, 1.4); // nothing is touched
+  assert.equal((await arrow()).isShown, false);
+  assert.equal(await page.locator('.nearest-label:visible', { hasText: /N$/ }).count(), 0);
+  await page.locator('.replay-head select').selectOption({ label: description.cases[0].name });
+  await eventually(async () => (await chip.textContent()) === 'contact force', 'no scale without a force');
+  assertQuiet(page);
+});
+
 testOfPage('a moving sphere is where it is at the time of the scrubber', async () => {
   const path = await variant(
     'slow_ball',
@@ -433,8 +491,8 @@ testOfPage('a run without surroundings has nothing of them', async () => {
     described((data) => {
       delete data.environments;
       for (const c of data.cases) {
-        delete c.clearance;
-        for (const key of ['rest', 'nearest']) delete c.replay[key];
+        for (const key of ['clearance', 'contact']) delete c[key];
+        for (const key of ['rest', 'nearest', 'contact']) delete c.replay[key];
       }
     }),
   );
@@ -443,7 +501,7 @@ testOfPage('a run without surroundings has nothing of them', async () => {
   assert.equal(await page.locator('#replay .chip').count(), 0);
   assert.equal(await page.locator('.nearest-text').isVisible(), false);
   assert.equal(await page.locator('.nearest-label').count(), 0);
-  assert.equal(await page.locator('.panel[data-quantity=clearance]').count(), 0);
+  assert.equal(await page.locator(':is([data-quantity=clearance], [data-quantity=contact], .verdict-contact)').count(), 0);
   assertQuiet(page);
 });
 
@@ -1135,6 +1193,7 @@ test('hostile names stay text', async () => {
     }
     for (const key of c.clearance ? ['links', 'obstacles'] : [])
       c.clearance[key] = c.clearance[key].map((name) => HOSTILE + name);
+    if (c.contact) c.contact.obstacles = c.contact.obstacles.map((name) => HOSTILE + name);
   });
   for (const environment of hostile.environments ?? []) {
     spoil(environment, 'note');
@@ -1237,6 +1296,12 @@ testOfPage('damaged data is told in words', async () => {
         data.cases[0].verification.joints[0].curves.jerk.band.n -= 2;
       }),
       /verification.*curves.jerk.band.*values/,
+    ],
+    contact: [
+      changed((data) => {
+        data.cases.find((c) => c.contact).replay.contact.n -= 8;
+      }),
+      /replay.contact.*values/,
     ],
   };
   for (const [name, [text, expected]] of Object.entries(cases)) {

@@ -23,11 +23,12 @@ export class Arm {
   #process;
 
   constructor(name, ...words) {
+    const experiment = words[0]?.endsWith('.yaml') ? words.shift() : 'indy7_live.yaml';
     this.out = join(folder, name);
     this.#process = spawn(
       program,
       [
-        'live', join(source, 'experiments/indy7_live.yaml'), '--case', name, '--out', this.out, '--no-report',
+        'live', join(source, 'experiments', experiment), '--case', name, '--out', this.out, '--no-report',
         '--set', `title=${JSON.stringify(TITLE)}`, ...words, ...(words.includes('--page') ? [] : ['--page', '127.0.0.1:0']),
       ],
       { env: { ...process.env, XDG_STATE_HOME: join(folder, 'state') }, stdio: ['ignore', 'pipe', 'pipe'] },

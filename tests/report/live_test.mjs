@@ -758,6 +758,49 @@ const cases = [
       await sliders.context().close();
     },
   },
+  {
+    name: 'where the arm touches something there is an arrow along the force, and newtons',
+    isSmoke: true,
+    body: async () => {
+      assert.equal(await page.evaluate(() => window.viableLive.view.arrow), null, 'this plant does not tell');
+      const points = [[0.5, 0, 0, 0, 0, 0, 0], [1.5, 0, -0.3, 0, 0, 0, 0]];
+      const words = [`duration_s=60`, `command.points=${JSON.stringify(points)}`].flatMap((word) => ['--set', word]);
+      const other = new Arm('unlimited', 'indy7_table.yaml', ...words);
+      const touching = await open(await other.address(), { width: 390, height: 844 });
+      await touching.waitForSelector('.stage[data-pictures]');
+      const arrow = () => touching.evaluate(() => window.viableLive.view.arrow.root.visible);
+      assert.equal(await arrow(), false);
+      await press(touching, 'Start');
+      await eventually(async () => (await number(touching, 'time_s')) > 4 && arrow(), 'it touches the table');
+      await eventually(async () => {
+        const { root, drawn, text, label, width } = await touching.evaluate(() => {
+          const { link, view } = window.viableLive;
+          view.show(link.frame);
+          const { position, quaternion } = view.arrow.root;
+          const { y } = view.arrow.parts[1].position;
+          return {
+            root: position.toArray(),
+            drawn: position.clone().set(0, y, 0).applyQuaternion(quaternion).toArray(),
+            text: document.querySelector('.nearest-text').textContent,
+            label: view.arrow.label.textContent,
+            width: document.documentElement.scrollWidth,
+          };
+        });
+        const [point, force] = [await numbers(touching, 'touched_at'), await numbers(touching, 'force')];
+        const [, told, scale] = text.match(/^presses table with (\S+) N; arrow: 0\.1 m is (\S+) N$/);
+        assert.equal(label, `${told} N`);
+        assert.ok(width <= 390, `${width} pixels wide`);
+        const should = force.map((value) => (0.1 * value) / Number(scale));
+        return (await number(touching, 'pressing')) > 50 && distance(root, point) < 2e-3 && distance(drawn, should) < 0.1 * Math.hypot(...should);
+      }, 'the arrow is where and as long as it should');
+      assert.match(await touching.locator('#times dd').first().textContent(), /^\d+ N, table$/);
+      await shoot(touching, 'contact');
+      assert.deepEqual(touching.problems, []);
+      await press(touching, 'Stop');
+      assert.equal(await other.ended, 0, other.text);
+      await touching.context().close();
+    },
+  },
 ];
 const isChosen = ({ isSmoke, isLong }) => (more.includes('--smoke') ? isSmoke : more.includes('--long') || !isLong);
 console.log(`left out: ${cases.filter((one) => !isChosen(one)).length} of ${cases.length} (--smoke, --long)`);

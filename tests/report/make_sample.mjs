@@ -217,7 +217,7 @@ const STYLES = [
     ok: false,
     verdict: '53 joint-ticks outside, 25 ticks empty',
   },
-  { name: 'C3', verified: 'broken', environment: true, bound: true },
+  { name: 'C3', verified: 'broken', environment: true, bound: true, touches: true },
   { name: 'C3_without_nric', robust: false },
   {
     name: 'broken',
@@ -287,6 +287,7 @@ const BALL = {
 const OBSTACLES = [...SOLIDS.map(({ name }) => name), BALL.name, 'cell'];
 const SAFETY_DISTANCE = 0.02;
 const NEAREST = 11;
+const CONTACT = 8;
 
 function pose(xyz) {
   return { xyz, quat: [1, 0, 0, 0] };
@@ -446,7 +447,19 @@ function makeCase(index) {
   const distance = new Series(buckets, perBucket);
   if (nearest)
     for (let row = 0; row < rows; ++row) distance.put(row, nearest[NEAREST * Math.floor(row / stride)]);
+  const pressing = new Series(buckets, perBucket);
+  const contact = new Float32Array(CONTACT * frames);
+  const force = (row) => (row % 1000 > 500 && row % 1000 < 800 ? 250 - (row % 1000) / 5 : 0); // at most 149.8 N
+  if (style.touches)
+    for (let row = 0; row < rows; ++row) {
+      pressing.put(row, force(row));
+      const frame = CONTACT * Math.floor(row / stride);
+      if (force(row) > contact[frame])
+        contact.set([force(row), 0.6 * force(row), 0, 0.8 * force(row), 0.5, 0.1, 0.19, 0], frame);
+    }
+  const touched = { obstacles: OBSTACLES, peak_N: 149.8, peak_s: 0.501, peak_obstacle: 0, last_N: 0 };
   return {
+    ...(style.touches && { contact: { ...touched, pressing: binary.add(pressing.values) } }),
     ...(nearest && { clearance: { environment: 0, links: LINKS, obstacles: OBSTACLES, distance: binary.add(distance.values) } }),
     ...(style.verified && { verification: makeVerification(judged) }),
     name: style.name + (index >= STYLES.length ? `_${index}` : ''),
@@ -478,6 +491,7 @@ function makeCase(index) {
       nominal: binary.add(nominal),
       real: binary.add(real),
       ...(nearest && { rest: binary.add(rest), nearest: binary.add(nearest) }),
+      ...(style.touches && { contact: binary.add(contact) }),
     },
   };
 }

@@ -96,7 +96,8 @@ public:
                     return session.record(false);
             }
         });
-        server_->broadcast("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr));
+        server_->broadcast("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr,
+                                                session.layout().hasContact));
     }
 
     /** @param first  with what to know before the first visit */

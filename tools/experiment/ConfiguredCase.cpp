@@ -159,7 +159,10 @@ std::unique_ptr<ConfiguredCase> beginCase(const CasePlan& plan) {
     Dynamics dynamics;
     model.calcDynamics(plan.start.q, plan.start.qd, dynamics);
     setup.startTool = dynamics.tool;
-    if (plan.environment) setup.geometry = &*plan.geometry;
+    if (plan.environment) {
+        setup.geometry = &*plan.geometry;
+        setup.environment = &*plan.environment;
+    }
     return std::make_unique<ConfiguredCase>(plan, std::move(setup));
 }
 

@@ -72,9 +72,13 @@ std::string formatTime(double seconds) {
 
 LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
     const CasePlan& plan = configured.plan;
-    return {plan.robot.jointNames(),    configured.plugins.command->traits().space,
-            plan.realPlant.has_value(), plan.feedsExternalTorque,
-            findLimits(plan),           isLive};
+    return {plan.robot.jointNames(),
+            configured.plugins.command->traits().space,
+            plan.realPlant.has_value(),
+            plan.feedsExternalTorque,
+            findLimits(plan),
+            isLive,
+            configured.plugins.realPlant && configured.plugins.realPlant->contact()};
 }
 
 LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
@@ -187,6 +191,7 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
       begin_(std::chrono::steady_clock::now()) {
     const CasePlan& plan = configured_->plan;
     result_.log = log.file;
+    if (layout_.hasContact) result_.summary.watchContact();
     result_.obstacles.insert(result_.obstacles.end(), log.moreObstacles.begin(), log.moreObstacles.end());
     LogOpening opening;
     if (!log.file.empty()) opening = makeOpening(*configured_, layout_, log);

@@ -157,6 +157,7 @@ public:
     const JointVector* externalTorque() const override {
         return plant_->externalTorque() ? &row_.externalTorque : nullptr;
     }
+    const ContactReport* contact() const override { return plant_->contact() ? &row_.contact : nullptr; }
     PlantTraits traits() const override { return plant_->traits(); }
     TickStatus read(std::int64_t& ticksPassed) override {
         isReset_ = false;

@@ -78,6 +78,11 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     out.add("nearest", places, 3, 3);
     out.add("on_arm", nearest.onArm.data(), 3, 3);
     out.add("on_obstacle", nearest.onOther.data(), 3, 3);
+    const ContactReport& contact = record.contact;
+    out.add("pressing", contact.pressing);
+    out.add("force", contact.force.data(), 3, 3);
+    out.add("touched_at", contact.point.data(), 3, 3);
+    out.add("touched", static_cast<double>(contact.obstacle));
 
     const auto addJoints = [&](const char* name, const JointVector& values) {
         out.add(name, values.data(), values.size(), n);
@@ -126,7 +131,7 @@ std::string encodeFrame(double now_s, const LiveStatus& status, const Teleoperat
 }
 
 std::string describeLive(const CasePlan& plan, const std::string& title, bool hasHand, bool movesJoints,
-                         bool takesObstacles) {
+                         bool takesObstacles, bool hasContact) {
     detail::BinaryBlock block;
     json joints = json::array();
     for (const JointDescription& joint : plan.robot.joints) joints.push_back({{"name", joint.name}});
@@ -154,6 +159,7 @@ std::string describeLive(const CasePlan& plan, const std::string& title, bool ha
     all["obstacles"] = obstacles;
     all["moves"] = !hasHand ? "" : movesJoints ? "joints" : "tool";
     all["has_real"] = plan.realPlant.has_value();
+    all["has_contact"] = hasContact;
     all["tick_s"] = plan.tick_s;
     for (int kind = 1; kind < countLimitKinds(); ++kind)
         all["limits"].push_back(getName(static_cast<LimitKind>(kind), LimitSide::Neither));

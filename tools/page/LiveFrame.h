@@ -16,8 +16,10 @@ nlohmann::json describeFrame(int joints);
 std::string encodeFrame(double now_s, const LiveStatus& status, const TeleoperationFeed::Status* hand);
 
 /** What a viewer needs to know of a case once: {"format", "title", "robot", "scene", "environments", "links",
-"obstacles", "moves": "tool", "joints" or "", "places": how many obstacles a hand may add, "has_real", "tick_s", "limits": kinds by their code, "fields", "binary"}, as in the data of a report. */
+"obstacles", "moves": "tool", "joints" or "", "places": how many obstacles a hand may add, "has_real", "has_contact":
+the plant tells what the arm touches, "tick_s", "limits": kinds by their code, "fields", "binary"}, as in the data of a
+report. */
 std::string describeLive(const CasePlan& plan, const std::string& title, bool hasHand, bool movesJoints,
-                         bool takesObstacles);
+                         bool takesObstacles, bool hasContact);
 
 }  // namespace viable

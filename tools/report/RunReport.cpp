@@ -74,6 +74,8 @@ constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
 /** Columns that only some logs have, by name: what pushes the real arm from outside. */
 constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
 constexpr std::size_t kTracksPerJoint = kExternal + 1;
+/** Of the whole arm, after those of the joints: clearance, pressing force. */
+constexpr std::size_t kArmTracks = 2;
 
 /** What the replay shows of a tick's clearance, in this order. */
 const LimitReport& getNearest(const TickRecord& r) {
@@ -185,16 +187,17 @@ public:
           external_(findExternalTorque(reader)),
           constants_(readConstants(metadata, reader.layout().jointNames.size())),
           hasEnvironment_(reader.layout().limits.has(LimitKind::Clearance)),
+          hasContact_(reader.layout().hasContact),
           links_(metadata.links.value_or(std::vector<std::string>())),
           obstacles_(metadata.obstacles.value_or(std::vector<std::string>())),
-          tracks_(reader.layout().jointNames.size() * kTracksPerJoint + 1),
+          tracks_(reader.layout().jointNames.size() * kTracksPerJoint + kArmTracks),
           limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
           status_(1, detail::CodeTracks::Join::Largest),
           nominal_(reader.layout().jointNames.size()),
           real_(reader.layout().jointNames.size()),
           rest_(reader.layout().jointNames.size()),
           nearest_(std::size(kNearest) + 1),
-          values_(reader.layout().jointNames.size() * kTracksPerJoint + 1, kNan),
+          values_(reader.layout().jointNames.size() * kTracksPerJoint + kArmTracks, kNan),
           actives_(reader.layout().jointNames.size()) {}
 
     void add(const TickRecord& r) {
@@ -212,6 +215,7 @@ public:
         }
         lastVelocity_ = r.real.qd;
         if (hasEnvironment_) addClearance(r);
+        if (hasContact_) addContact(r.contact, r.time_s);
         tracks_.add(values_);
         limits_.add(actives_);
         status_.add({toCode(r.status)});
@@ -255,6 +259,15 @@ public:
                       {"n", nominal_.count()},
                       {"nominal", block.add(nominal_.data())},
                       {"real", hasRealArm_ ? block.add(real_.data()) : json(nullptr)}}}};
+        if (hasContact_) {
+            one["replay"]["contact"] = block.add(contact_.data());
+            one["contact"] = {{"obstacles", obstacles_},
+                              {"pressing", describeArray(contactTrack(), block)},
+                              {"peak_N", hardest_.pressing},
+                              {"peak_s", hardest_s_},
+                              {"peak_obstacle", hardest_.obstacle},
+                              {"last_N", values_[contactTrack()]}};
+        }
         if (!hasEnvironment_) return one;
         one["replay"]["rest"] = block.add(rest_.data());
         one["replay"]["nearest"] = block.add(nearest_.data());
@@ -276,6 +289,7 @@ private:
         return static_cast<std::size_t>(joint) * kTracksPerJoint + quantity;
     }
     std::size_t clearanceTrack() const { return index(n_, 0); }
+    std::size_t contactTrack() const { return index(n_, 1); }
     void addPose(detail::Samples& samples, const JointVector& q) {
         pose_.resize(static_cast<std::size_t>(n_));
         for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
@@ -301,6 +315,15 @@ private:
         nearestRow_.push_back(duration_s);
         nearest_.add(nearestRow_);
         values_[clearanceTrack()] = nearestRow_.front();
+    }
+    void addContact(const ContactReport& contact, double time_s) {
+        const auto &f = contact.force, &p = contact.point;
+        contact_.add(
+            {contact.pressing, f.x(), f.y(), f.z(), p.x(), p.y(), p.z(), static_cast<double>(contact.obstacle)});
+        values_[contactTrack()] = contact.pressing;
+        if (!(contact.pressing > hardest_.pressing)) return;
+        hardest_ = contact;
+        hardest_s_ = time_s;
     }
     /** A number where the value never changes, null where there is none (no limit), else an array. */
     json describeSeries(std::size_t track, BinaryBlock& block) const {
@@ -336,11 +359,13 @@ private:
     bool hasRealArm_;
     std::vector<const LogColumn*> external_;  // one per joint, or none
     std::vector<json> constants_;             // of each joint
-    bool hasEnvironment_;
+    bool hasEnvironment_, hasContact_;
     json links_, obstacles_;  // names
     detail::Tracks tracks_;
     detail::CodeTracks limits_, status_;
-    detail::Samples nominal_, real_, rest_, nearest_;
+    detail::Samples nominal_, real_, rest_, nearest_, contact_{8, detail::Samples::Keep::Largest};
+    ContactReport hardest_;
+    double hardest_s_ = 0.0;
     std::vector<double> values_, pose_, nearestRow_;
     std::vector<std::uint16_t> actives_;
     TickTimes times_, jitter_;
@@ -438,6 +463,10 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
             columns.push_back(row.label + ", worst" + end);
         }
     }
+    const bool hasContact =
+        std::any_of(cases.begin(), cases.end(), [](const json& one) { return one.contains("contact"); });
+    for (const char* column : {"touched", "largest force", "force at the end"})
+        if (hasContact) columns.push_back(column);
     for (const json& one : cases) {
         const std::string name = one.value("name", "");
         const bool hasLog =
@@ -481,6 +510,13 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
                                                 : "-");
             }
         }
+        if (hasContact) {
+            const json contact = one.value("contact", json(nullptr));
+            const bool touches = contact.is_object() && contact.value("ticks", std::int64_t{0}) > 0;
+            row.push_back(touches ? contact.value("obstacle", "") : contact.is_object() ? "nothing" : "-");
+            for (const char* force : {"peak_N", "last_N"})
+                row.push_back(touches ? format("%.3g N", contact.value(force, 0.0)) : "-");
+        }
         rows.push_back(row);
     }
     return {{"columns", columns},
@@ -495,6 +531,7 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
                       ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
                         "in the whole run, as found afterwards without the filter."
                       : "") +
+                 (hasContact ? " touched: by the real arm, where it presses hardest." : "") +
                  (missing.empty() ? "" : missing + ".")}};
 }
 

@@ -68,14 +68,16 @@ void CodeTracks::add(const std::vector<std::uint16_t>& values) {
 }
 
 void Samples::add(const std::vector<double>& values) {
-    if (row_++ % stride_ != 0) return;
-    if (count() == kMaxSamples) {
+    const auto at = [this](std::size_t k) { return data_.begin() + static_cast<std::ptrdiff_t>(k * width_); };
+    const bool keepsLargest = keep_ == Keep::Largest;
+    if (row_++ % stride_ != 0) {
+        if (!keepsLargest || !(static_cast<float>(values[0]) > *at(count() - 1))) return;
+        data_.resize(data_.size() - width_);
+    } else if (count() == kMaxSamples) {  // even: the row begins a sample of the doubled distance, too
         for (std::size_t k = 0; 2 * k < kMaxSamples; ++k)
-            std::copy_n(data_.begin() + static_cast<std::ptrdiff_t>(2 * k * width_), width_,
-                        data_.begin() + static_cast<std::ptrdiff_t>(k * width_));
+            std::copy_n(at(2 * k + (keepsLargest && *at(2 * k + 1) > *at(2 * k) ? 1 : 0)), width_, at(k));
         data_.resize(data_.size() / 2);
         stride_ *= 2;
-        if ((row_ - 1) % stride_ != 0) return;
     }
     for (std::size_t i = 0; i < width_; ++i) data_.push_back(static_cast<float>(values[i]));
 }

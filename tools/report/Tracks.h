@@ -48,7 +48,9 @@ class Samples {
 public:
     static constexpr std::size_t kMaxSamples = 4000;  ///< even
 
-    explicit Samples(std::size_t width) : width_(width) {}
+    /** Which of the rows between two samples one is: the first, or that whose first number is largest. */
+    enum class Keep { First, Largest };
+    explicit Samples(std::size_t width, Keep keep = Keep::First) : width_(width), keep_(keep) {}
     void add(const std::vector<double>& values);
     std::size_t count() const { return data_.size() / (width_ > 0 ? width_ : 1); }
     std::int64_t rowsPerSample() const { return stride_; }
@@ -56,6 +58,7 @@ public:
 
 private:
     std::size_t width_;
+    Keep keep_;
     std::int64_t stride_ = 1, row_ = 0;
     std::vector<float> data_;
 };

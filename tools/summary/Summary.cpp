@@ -291,6 +291,20 @@ void Summary::addReading(const TickRecord& record) {
     }
 }
 
+void Summary::addContact(const TickRecord& record) {
+    Touching& t = *touching_;
+    const ContactReport& now = record.contact;
+    if (now.contacts > 0) {
+        if (t.ticks++ == 0) t.first_s = record.time_s;
+        t.touches += !isTouching_;
+    }
+    isTouching_ = now.contacts > 0;
+    t.last = now.pressing;
+    if (now.pressing <= t.peak.pressing) return;
+    t.peak = now;
+    t.peak_s = record.time_s;
+}
+
 void Summary::addMotors(const TickRecord& record) {
     for (int i = 0; i < reference_.torqueLimit.size(); ++i) addMotor(i, record);
     if (record.externalTorque.hasNaN()) ++externalTorqueMissing_;
@@ -391,6 +405,7 @@ void Summary::add(const TickRecord& record) {
     broken_ |= outside && !isRecovering_;
     if (hasRealPlant_ && record.hasReading) addReading(record);
     if (hasRealPlant_) addMotors(record);
+    if (touching_ && record.hasReading) addContact(record);
     actingKinds_ = 0;
     for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
     for (int i = 0; i < n; ++i) {

@@ -258,6 +258,16 @@ public:
     /** Ticks without a usable external torque. */
     std::int64_t externalTorqueMissing() const { return externalTorqueMissing_; }
 
+    /** What the real arm touched; none: it could not touch anything. */
+    struct Touching {
+        std::int64_t ticks = 0, touches = 0;  ///< that touch; times that it begins
+        double first_s = 0.0, peak_s = 0.0;   ///< when [s]
+        ContactReport peak;                   ///< where it pressed hardest
+        double last = 0.0;                    ///< pressing in the last tick [N]
+    };
+    const std::optional<Touching>& touching() const { return touching_; }
+    void watchContact() { touching_.emplace(); }
+
     const LatencyHistogram& tickTime() const { return tickTime_; }
     const LatencyHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
     const std::vector<std::string>& jointNames() const { return jointNames_; }
@@ -275,6 +285,7 @@ private:
     void addTool(const TickRecord& record);
     void addRest(int joint, const TickRecord& record);
     void addReading(const TickRecord& record);
+    void addContact(const TickRecord& record);
     void addMotors(const TickRecord& record);
     void addMotor(int joint, const TickRecord& record);
     static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
@@ -300,6 +311,8 @@ private:
     std::vector<MotorPeak> peaks_;
     double realEndSpeed_ = 0.0;
     std::int64_t externalTorqueMissing_ = 0;
+    std::optional<Touching> touching_;
+    bool isTouching_ = false;
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */
     struct Acting {

@@ -228,6 +228,23 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("<joint>.ticks_rate_limited", [](S s, int i) { return s.motor(i).ticksRateLimited; });
     t.add("<joint>.worst_time_s", [](S s, int i) { return s.motor(i).worstTime_s; });
 
+    t.begin("contact.", [](R r) { return r.summary.touching().has_value(); });
+    t.add("peak_N", [](S s) {
+         return s.touching()->peak.pressing;
+     }).column("contact.peak_N", "N", "Largest force that the real arm presses with", Over::Largest);
+    t.add("ticks", [](S s) {
+         return s.touching()->ticks;
+     }).column("contact.ticks", "", "Ticks in which the real arm touches something", Over::Sum);
+    t.add("touches", [](S s) { return s.touching()->touches; });
+    t.add("last_N", [](S s) { return s.touching()->last; });
+    t.add("peak_s", [](S s) { return onlyIf(s.touching()->ticks > 0, s.touching()->peak_s); });
+    t.add("first_s", [](S s) { return onlyIf(s.touching()->ticks > 0, s.touching()->first_s); });
+    t.add("obstacle", [](R r) {
+        const int obstacle = r.summary.touching()->peak.obstacle;
+        const auto at = static_cast<std::size_t>(obstacle);
+        return obstacle >= 0 && at < r.obstacles.size() ? r.obstacles[at] : std::string();
+    });
+
     for (const LimitKind kind : listArmLimits()) addArmLimit(t, kind);
 
     t.begin("");

@@ -397,6 +397,18 @@ std::string formatReal(const Summary& s) {
             text += format(", changing as fast as they may in %lld", static_cast<long long>(rateLimited));
         text += "\n";
     }
+    if (const auto& touching = s.touching()) {
+        const ContactReport& peak = touching->peak;
+        text += "  contact       ";
+        if (touching->ticks == 0)
+            text += "the real arm touched nothing\n";
+        else
+            text += format(
+                "in %lld ticks, first at %.3f s, %lld times; at most %.3g N at %.3f s, %.2g mm deep; at the end %.3g "
+                "N\n",
+                static_cast<long long>(touching->ticks), touching->first_s, static_cast<long long>(touching->touches),
+                peak.pressing, touching->peak_s, 1e3 * peak.depth, touching->last);
+    }
     if (s.externalTorqueMissing() > 0)
         text += format("  external      %lld ticks without a usable external torque\n",
                        static_cast<long long>(s.externalTorqueMissing()));

@@ -74,12 +74,13 @@ struct Mailbox {
     ControllerOutput wanted;
     JointState real, actual;
     JointVector external;
+    ContactReport contact;
     JointLimits limits;
     FilterDecision decision;
 
     // What a plugin is asked once, after it was configured
     std::tuple<CommandTraits, ControllerTraits, FilterTraits, RobustTraits, PlantTraits> traits;
-    bool hasExternalTorque = false;
+    bool hasExternalTorque = false, hasContact = false;
 };
 
 /** The size of a vector that another process wrote: copying one of a wrong size would write over memory. */
@@ -314,6 +315,7 @@ void serve(RealPlant& plugin, Mailbox& box) {
             box.external = *external;
         else
             box.external.resize(0);
+        if (const ContactReport* contact = plugin.contact()) box.contact = *contact;
     }
 }
 
@@ -352,8 +354,10 @@ private:
             std::snprintf(box.sharedChange, sizeof box.sharedChange, "%s", watch.sharedChange.c_str());
             const PluginCall asking(&watch, kAsking);
             std::get<typename Interface::Traits>(box.traits) = plugin->traits();
-            if constexpr (std::is_same_v<Interface, RealPlant>)
+            if constexpr (std::is_same_v<Interface, RealPlant>) {
                 box.hasExternalTorque = plugin->externalTorque() != nullptr;
+                box.hasContact = plugin->contact() != nullptr;
+            }
         });
         for (;;) {
             sem_post(&box.reply);
@@ -467,7 +471,9 @@ public:
 class IsolatedPlant : public Isolated<RealPlant> {
 public:
     IsolatedPlant(const std::function<PluginPtr<RealPlant>()>& make, PluginWatch& watch, double watchdog_s)
-        : Isolated(make, watch, watchdog_s), hasExternalTorque_(box().hasExternalTorque) {}
+        : Isolated(make, watch, watchdog_s),
+          hasExternalTorque_(box().hasExternalTorque),
+          hasContact_(box().hasContact) {}
     TickStatus read(std::int64_t& ticksPassed) override {
         call(Request::AwaitPlant);
         ticksPassed = box().ticks;
@@ -482,6 +488,7 @@ public:
     const JointState& measured() const override { return measured_; }
     const JointState& actual() const override { return actual_; }
     const JointVector* externalTorque() const override { return hasExternalTorque_ ? &external_ : nullptr; }
+    const ContactReport* contact() const override { return hasContact_ ? &contact_ : nullptr; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         box().torque = torque;
         call(Request::Advance);
@@ -505,10 +512,12 @@ private:
             external_ = box().external;
         else
             external_.resize(0);  // likewise
+        contact_ = box().contact;
     }
     JointState measured_, actual_;
     JointVector external_;
-    bool hasExternalTorque_;
+    ContactReport contact_;
+    bool hasExternalTorque_, hasContact_;
 };
 
 template <class Interface>

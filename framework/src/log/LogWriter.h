@@ -20,6 +20,7 @@ struct LogLayout {
     bool hasExternalTorque = false;  ///< TickRecord::externalTorque is there, and logged
     LimitSet limits;                 ///< of the whole arm: the kinds whose TickRecord::reports are logged
     bool isLive = false;             ///< a run in real time: pauses, takes and the time between ticks are logged
+    bool hasContact = false;         ///< TickRecord::contact is there, and logged
 };
 
 /** A file carried inside a log. */

@@ -120,6 +120,7 @@ void ControlLoop::reset() {
     isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = isWithheld_ = false;
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
+    contact_ = {};
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     authority_.reset();
     following_.begin(setup_);
@@ -186,6 +187,7 @@ void ControlLoop::readState() {
         if (!isFinite(measured, n_) || !isFinite(actual, n_)) return TickStatus::Faulted;
         real_ = measured;
         actual_ = actual;
+        if (const ContactReport* contact = plugins_.realPlant->contact()) contact_ = *contact;
         return TickStatus::Ok;
     });
     if (status == TickStatus::Ok) return;
@@ -560,6 +562,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool hasReading) const {
     record.real = real_;
     record.actual = actual_;
     record.hasReading = hasReading;
+    record.contact = contact_;
     record.externalTorque = externalTorque_;
     if (missingExternalTorques_ > 0) record.externalTorque.setConstant(std::numeric_limits<double>::quiet_NaN());
     record.missed = missedInRow_ > 0;

@@ -167,6 +167,7 @@ private:
     std::array<bool, kMaxJoints> isPlausible_{};
     SensorCheck sensors_;
     bool hasReading_ = false;     // one has been looked at since reset()
+    ContactReport contact_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     int missingExternalTorques_ = 0;
 

@@ -1,4 +1,4 @@
-#include "viable/simulation/MotorRate.h"
+#include "viable/simulation/ArmHardware.h"
 
 #include "robot/ArmRecursion.h"
 

@@ -4,11 +4,13 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <mutex>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "viable/core/Error.h"
 
@@ -23,8 +25,20 @@ namespace {
 
 void dropWarning(const char*) {}
 
-/** Doubles that a step of an arm needs from MuJoCo's own stack; of a hundred joints it were still enough. */
-constexpr char kSizes[] = "<size njmax=\"64\" nconmax=\"1\" nstack=\"100000\"/>";
+/** More places that touch at one time have no room. */
+constexpr std::size_t kMostContacts = 100;
+/** The links that carry shapes. */
+constexpr char kShapeLink[] = "shapes of all links";
+
+/** The stack [doubles] is for a step of an arm: of a hundred joints it were still enough without contacts. */
+std::string writeSizes(const std::vector<MujocoShape>& shapes) {
+    const auto fixed = static_cast<std::size_t>(
+        std::count_if(shapes.begin(), shapes.end(), [](const MujocoShape& shape) { return shape.link.empty(); }));
+    const std::size_t pairs = fixed * (shapes.size() - fixed);
+    const std::size_t contacts = std::clamp<std::size_t>(2 * pairs, 1, kMostContacts);  // a capsule lies on two points
+    return "<size njmax=\"" + std::to_string(64 + 3 * contacts) + "\" nconmax=\"" + std::to_string(contacts) +
+           "\" nstack=\"" + std::to_string(100000 + 10000 * contacts) + "\"/>";
+}
 
 /** Removes all elements of that name; comments must be gone. */
 void removeElements(std::string& xml, const std::string& name) {
@@ -65,6 +79,28 @@ std::string writeOrigin(const Eigen::Isometry3d& placement) {
     const Eigen::Vector3d yawPitchRoll = placement.linear().eulerAngles(2, 1, 0);
     return "<origin xyz=\"" + writeNumbers(placement.translation()) + "\" rpy=\"" +
            writeNumbers(yawPitchRoll.reverse()) + "\"/>";
+}
+
+/** Balls, which placeShapes() makes what they are. They are on links of their own, those of the surroundings on a root
+before the robot's. */
+std::string writeShapes(const std::vector<MujocoShape>& shapes, const std::string& root) {
+    const std::string ball = "<collision><geometry><sphere radius=\"1\"/></geometry></collision>";
+    std::string links, around;
+    const auto join = [&](const std::string& parent, const std::string& child) {
+        links += "<joint name=\"" + child + "\" type=\"fixed\"><parent link=\"" + parent + "\"/><child link=\"" +
+                 child + "\"/></joint>";
+    };
+    for (std::size_t k = 0; k < shapes.size(); ++k) {
+        const std::string name = kShapeLink + std::to_string(k);
+        if (shapes[k].link.empty()) {
+            around += ball;
+        } else {
+            links += "<link name=\"" + name + "\">" + ball + "</link>";
+            join(shapes[k].link, name);
+        }
+    }
+    join(kShapeLink, root);
+    return std::string("<link name=\"") + kShapeLink + "\">" + around + "</link>" + links;
 }
 
 /** The description as a URDF: kinematics and masses. */
@@ -134,7 +170,7 @@ std::string findUrdf(const RobotDescription& robot) {
     return text.str();
 }
 
-MujocoModel::MujocoModel(const std::string& urdf) : urdf_(urdf) {
+MujocoModel::MujocoModel(const std::string& urdf, const std::vector<MujocoShape>& shapes) : urdf_(urdf) {
     static std::once_flag areHandlersSet;  // they are the process's, and cases run side by side
     std::call_once(areHandlersSet, [] {
         mju_user_error = throwError;
@@ -144,6 +180,12 @@ MujocoModel::MujocoModel(const std::string& urdf) : urdf_(urdf) {
     std::string xml = urdf;
     removeComments(xml);
     for (const char* const ignored : {"visual", "collision", "mujoco"}) removeElements(xml, ignored);
+    if (!shapes.empty()) {
+        const urdf::ModelInterfaceSharedPtr links = urdf::parseURDF(urdf);
+        const std::size_t end = xml.rfind("</robot");
+        if (!links || !links->getRoot() || end == std::string::npos) throw std::runtime_error("urdfdom refuses it");
+        xml.insert(end, writeShapes(shapes, links->getRoot()->name));
+    }
     // Links behind fixed joints stay bodies, so that the tool's pose can be asked for; masses come from <inertial> only.
     // Balancing: the tensors of links that no joint moves do not count, however wrong; those of others are checked below.
     const std::size_t robot = xml.find("<robot");
@@ -151,7 +193,7 @@ MujocoModel::MujocoModel(const std::string& urdf) : urdf_(urdf) {
     if (root == std::string::npos) throw std::runtime_error("the text holds no <robot>");
     xml.insert(root + 1, std::string("<mujoco><compiler fusestatic=\"false\" discardvisual=\"true\" "
                                      "inertiafromgeom=\"false\" balanceinertia=\"true\"/>") +
-                             kSizes + "</mujoco>");
+                             writeSizes(shapes) + "</mujoco>");
 
     const char* const name = "robot.urdf";
     const auto files = std::make_unique<mjVFS>();
@@ -167,9 +209,46 @@ MujocoModel::MujocoModel(const std::string& urdf) : urdf_(urdf) {
     std::fill(m.jnt_limited, m.jnt_limited + m.njnt, mjtByte{0});
     std::fill(m.dof_damping, m.dof_damping + m.nv, 0.0);
     std::fill(m.dof_frictionloss, m.dof_frictionloss + m.nv, 0.0);
-    m.opt.disableflags |= mjDSBL_CONTACT | mjDSBL_LIMIT | mjDSBL_WARMSTART;
+    m.opt.disableflags |= (shapes.empty() ? mjDSBL_CONTACT : 0) | mjDSBL_LIMIT | mjDSBL_WARMSTART;
+    placeShapes(shapes);
     data_.reset(mj_makeData(&m));
     if (!data_) throw std::runtime_error("MuJoCo has no memory for it");
+}
+
+void MujocoModel::placeShapes(const std::vector<MujocoShape>& shapes) {
+    mjModel& m = *model_;
+    if (const int around = mj_name2id(&m, mjOBJ_BODY, kShapeLink); around > 0) {
+        // To MuJoCo's world: it would find each contact with a half-space on another body twice.
+        std::swap(m.body_geomnum[0], m.body_geomnum[around]);
+        std::swap(m.body_geomadr[0], m.body_geomadr[around]);
+    }
+    int ofWorld = 0;
+    for (std::size_t k = 0; k < shapes.size(); ++k) {
+        const MujocoShape& shape = shapes[k];
+        const bool isAround = shape.link.empty();
+        const int body = isAround ? 0 : mj_name2id(&m, mjOBJ_BODY, (kShapeLink + std::to_string(k)).c_str());
+        const int before = isAround ? ofWorld++ : 0;  // shapes of the same body
+        if (body < 0 || m.body_geomnum[body] <= before) throw std::runtime_error("MuJoCo left a shape out");
+        const int geom = m.body_geomadr[body] + before;
+        geoms_.push_back(geom);
+        m.geom_bodyid[geom] = body;
+        m.geom_type[geom] = shape.type;
+        m.geom_sameframe[geom] = 0;
+        Eigen::Map<Eigen::Vector3d>(m.geom_size + 3 * geom) = shape.size;
+        Eigen::Map<Eigen::Vector3d>(m.geom_pos + 3 * geom) = shape.pose.translation();
+        const Eigen::Quaterniond turned(shape.pose.linear());
+        const double quaternion[4] = {turned.w(), turned.x(), turned.y(), turned.z()};
+        std::copy(quaternion, quaternion + 4, m.geom_quat + 4 * geom);
+        const double radius = shape.size.x(), half = shape.size.y();
+        m.geom_rbound[geom] = shape.type == mjGEOM_PLANE      ? 0.0
+                              : shape.type == mjGEOM_CAPSULE  ? radius + half
+                              : shape.type == mjGEOM_CYLINDER ? std::hypot(radius, half)
+                              : shape.type == mjGEOM_BOX      ? shape.size.norm()
+                                                              : radius;
+        m.geom_contype[geom] = !isAround;
+        m.geom_conaffinity[geom] = isAround;
+        m.geom_margin[geom] = m.geom_gap[geom] = 0.0;
+    }
 }
 
 void MujocoModel::sharpenInertia() {

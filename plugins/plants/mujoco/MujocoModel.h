@@ -5,11 +5,20 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
+
+/** Something that can be touched, on a link of the URDF. */
+struct MujocoShape {
+    std::string link;  ///< empty: its root
+    mjtGeom type = mjGEOM_SPHERE;
+    Eigen::Vector3d size = Eigen::Vector3d::Zero();          ///< as MuJoCo has it: radius, half lengths [m]
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< in the link's frame
+};
 
 /** An arm as MuJoCo reads it from its URDF and computes it. MuJoCo has a URDF reader of its own, whereas ours goes
 through urdfdom, so a slip of reading on either side shows as well.
@@ -20,8 +29,12 @@ Errors: MuJoCo's own become exceptions, of this class in the constructor and any
 process); its warnings are dropped (it would write them to a file of the current folder). Both for the whole process. */
 class MujocoModel {
 public:
-    /** Throws std::runtime_error in MuJoCo's words, with the link that it names, where it refuses the text. */
-    explicit MujocoModel(const std::string& urdf);
+    /** Throws std::runtime_error in MuJoCo's words, with the link that it names, where it refuses the text.
+    @param shapes  each on a massless body of its own. Those on moving links touch those on the root and nothing else;
+    no shapes, no contacts. */
+    explicit MujocoModel(const std::string& urdf, const std::vector<MujocoShape>& shapes = {});
+    /** MuJoCo's number of each shape. */
+    const std::vector<int>& geoms() const { return geoms_; }
 
     /** Puts the tensors of the URDF, read by urdfdom and turned into principal axes to rounding, in the place of MuJoCo's
     own, whose axes are right to 1e-6 rad only (it stops turning when the next turn is smaller than that). Throws
@@ -50,7 +63,9 @@ private:
         void operator()(mjModel* model) const { mj_deleteModel(model); }
         void operator()(mjData* data) const { mj_deleteData(data); }
     };
+    void placeShapes(const std::vector<MujocoShape>& shapes);
     std::string urdf_;
+    std::vector<int> geoms_;
     std::unique_ptr<mjModel, Free> model_;
     std::unique_ptr<mjData, Free> data_;
 };

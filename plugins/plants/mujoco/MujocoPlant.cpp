@@ -4,6 +4,7 @@
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <utility>
 
 #include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
@@ -15,11 +16,13 @@ namespace {
 struct MujocoPlantOptions {
     ArmHardwareOptions hardware;
     MotorRateOptions motorRate;
+    ContactOptions contact;
 
     template <class V>
     void describe(V& v) {
         hardware.describe(v);
         motorRate.describe(v);
+        contact.describe(v);
     }
 };
 
@@ -33,19 +36,29 @@ constexpr double kBlockingTorque = 1e9;
 constexpr double kViscousStep = 2.0;
 constexpr double kSolverTolerance = 1e-15;
 constexpr int kSolverRounds = 50;  // Newton's method needs a few
+/** MuJoCo's softest constraint. Its force is that of the spring and damper within this share of the net force there. */
+constexpr double kSoftest = 1e-4;
+/** Along the surface it is hard, with this share of creep instead. */
+constexpr double kSlipSoftness = 1e-4;
+/** Friction stops what slides below its force with this time constant, or as many sub-steps [s]. */
+constexpr double kSlipTime_s = 1e-3;
+constexpr double kSlipSteps = 2.0;
+constexpr double kLeastMobility = 1e-6;  // [1/kg]
+/** A moving sphere's velocity is its way in this time [s]. */
+constexpr double kMoment_s = 1e-6;
 
 }  // namespace
 
 void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();
-    const auto [hardware, motorRate] = parameters.get<MujocoPlantOptions>();
+    const auto [hardware, motorRate, contact] = parameters.get<MujocoPlantOptions>();
     hardware_.configure(setup, hardware, parameters);
     motorRate_.configure(setup, motorRate, hardware.torqueLimitFactor);
     const RobotDescription& robot = hardware_.robot();
     const std::string source = robot.folder.empty() ? robot.name : (robot.folder / (robot.name + ".urdf")).string();
     const std::string urdf = findUrdf(setup.robot);  // the nominal one: masses are changed below
     try {
-        mujoco_ = std::make_unique<MujocoModel>(urdf);
+        mujoco_ = std::make_unique<MujocoModel>(urdf, listShapes(setup, contact, parameters));
         mujoco_->sharpenInertia();
         findJoints(source);
         scaleMasses(hardware.massFactor.expand(n_));
@@ -60,13 +73,107 @@ void MujocoPlant::configure(const RunSetup& setup, const Parameters& parameters)
     for (int i = 0; i < n_; ++i) m.dof_armature[dof_[i]] = robot.actuation.rotorInertia[i];
     std::copy(robot.gravity.data(), robot.gravity.data() + 3, m.opt.gravity);
     m.opt.timestep = hardware_.substep_s();
-    m.opt.integrator = mjINT_RK4;
+    m.opt.jacobian = mjJAC_DENSE;
     m.opt.solver = mjSOL_NEWTON;
     m.opt.iterations = kSolverRounds;
     m.opt.tolerance = kSolverTolerance;
     configureFriction(parameters, setup.tick_s);
     mujoco_->update();
+    if (!carriers_.empty()) configureContact(setup, contact, parameters);
     reset(setup.start);
+}
+
+std::vector<MujocoShape> MujocoPlant::listShapes(const RunSetup& setup, const ContactOptions& options,
+                                                 const Parameters& parameters) {
+    carriers_.clear();
+    solids_.clear();
+    spheres_.clear();
+    if (!ArmContact::isWanted(setup, options, parameters)) return {};
+    const Environment& environment = *setup.environment;
+    if (options.law != ContactLaw::Spring)
+        throw badInput(parameters.place("contact_law"), "MuJoCo's contact is a spring and a damper",
+                       "Write contact_law: spring, or use the plant simbody.");
+    if (environment.map)
+        throw badInput(parameters.place("contact"),
+                       "MuJoCo would take each cell of the map `" + environment.map->name +
+                           "` for a solid of its own, and several would press where there is one wall",
+                       "Use the plant simbody, or give solids in the place of the map.");
+    std::vector<MujocoShape> shapes;
+    solids_ = environment.solids;
+    for (const Solid& solid : solids_) {
+        if (solid.kind == Solid::Kind::Cylinder && options.parts == ContactParts::Arm)
+            throw badInput(parameters.place("contact"),
+                           "MuJoCo finds only roughly how deep a capsule is in the cylinder `" + solid.name + "`",
+                           "Write contact: tool, use the plant simbody, or give a box in its place.");
+        MujocoShape shape{"", mjGEOM_BOX, 0.5 * solid.size, solid.pose};
+        if (solid.kind != Solid::Kind::Box) shape.size = {solid.radius, 0.5 * solid.length, 0.0};
+        if (solid.kind == Solid::Kind::Sphere) shape.type = mjGEOM_SPHERE;
+        if (solid.kind == Solid::Kind::Cylinder) shape.type = mjGEOM_CYLINDER;
+        if (solid.kind == Solid::Kind::HalfSpace) shape.type = mjGEOM_PLANE;
+        shapes.push_back(shape);
+    }
+    spheres_ = environment.spheres;
+    for (const MovingSphere& sphere : spheres_) shapes.push_back({"", mjGEOM_SPHERE, {sphere.radius, 0.0, 0.0}});
+
+    const RobotDescription& robot = hardware_.robot();
+    const auto add = [&](int carrier, mjtGeom type, double radius, double half, const Eigen::Isometry3d& pose) {
+        carriers_.push_back(carrier);
+        const std::string& link = robot.joints[static_cast<std::size_t>(carrier)].childLink;
+        shapes.push_back({link, type, {radius, half, 0.0}, pose});
+    };
+    add(robot.toolParent, mjGEOM_SPHERE, options.toolRadius, 0.0, robot.toolPlacement);
+    if (options.parts != ContactParts::Arm || !setup.geometry) return shapes;
+    for (const LinkCapsule& capsule : setup.geometry->capsules) {
+        if (capsule.carrier < 0) continue;
+        const Eigen::Vector3d along = capsule.b - capsule.a;
+        Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+        pose.translate(0.5 * (capsule.a + capsule.b));
+        pose.rotate(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), along));
+        const bool isBall = along.isZero(0.0);
+        add(capsule.carrier, isBall ? mjGEOM_SPHERE : mjGEOM_CAPSULE, capsule.radius, 0.5 * along.norm(), pose);
+    }
+    return shapes;
+}
+
+// Where R >> A the contact is a spring, see the class. A is put to what it is at most, and so R too.
+void MujocoPlant::configureContact(const RunSetup& setup, const ContactOptions& options, const Parameters& parameters) {
+    mjModel& m = mujoco_->model();
+    const std::vector<int>& geoms = mujoco_->geoms();
+    shapes_.assign(geoms.size(), 0);
+    for (std::size_t k = 0; k < geoms.size(); ++k) shapes_[static_cast<std::size_t>(geoms[k])] = k;
+    std::vector<ArmContact::Point> ends;  // two of each shape of the arm
+    const auto ofArm = [&](std::size_t k) { return geoms[geoms.size() - carriers_.size() + k]; };
+    for (std::size_t k = 0; k < carriers_.size(); ++k) {
+        const int geom = ofArm(k);
+        const double* w = m.geom_quat + 4 * geom;
+        const Eigen::Vector3d centre(m.geom_pos[3 * geom], m.geom_pos[3 * geom + 1], m.geom_pos[3 * geom + 2]);
+        const Eigen::Vector3d half =
+            Eigen::Quaterniond(w[0], w[1], w[2], w[3]) * Eigen::Vector3d(0.0, 0.0, m.geom_size[3 * geom + 1]);
+        ends.push_back({carriers_[k], centre + half});
+        ends.push_back({carriers_[k], centre - half});
+    }
+    const std::vector<double> mobility = ArmContact::findMobility(hardware_.robot(), ends);
+    double fastest = 0.0;
+    for (std::size_t k = 0; k < carriers_.size(); ++k) {
+        const int geom = ofArm(k);
+        const double most = std::max({mobility[2 * k], mobility[2 * k + 1], kLeastMobility});
+        const double places = m.geom_type[geom] == mjGEOM_CAPSULE ? 2.0 : 1.0;
+        fastest = std::max(fastest, places * options.stiffness * most);
+        m.body_invweight0[2 * m.geom_bodyid[geom]] = most;
+        m.geom_priority[geom] = 1;
+        m.geom_condim[geom] = options.friction > 0.0 ? 3 : 1;
+        m.geom_friction[3 * geom] = options.friction;
+        mjtNum* const solref = m.geom_solref + mjNREF * geom;
+        mjtNum* const solimp = m.geom_solimp + mjNIMP * geom;
+        solref[0] = -options.stiffness * (1.0 - kSoftest) * most;
+        solref[1] = 0.0;  // see accelerate()
+        solimp[0] = solimp[1] = kSoftest;
+    }
+    ArmContact::checkSteps(fastest, setup.tick_s, hardware_.substeps(), parameters);
+    m.opt.cone = mjCONE_ELLIPTIC;
+    m.opt.impratio = (1.0 - kSoftest) / (kSoftest * kSlipSoftness);
+    dissipation_ = options.dissipation;
+    slipRate_ = 1.0 / std::max(kSlipTime_s, kSlipSteps * hardware_.substep_s());
 }
 
 void MujocoPlant::findJoints(const std::string& source) {
@@ -147,12 +254,120 @@ void MujocoPlant::reset(const MotionState& start) {
     load_.setZero(n_);
     mj_fwdPosition(&m, &d);
     mj_fwdVelocity(&m, &d);
+    d.warning[mjWARN_CONTACTFULL].number = 0;
     for (int i = 0; i < n_; ++i) load_[i] = d.qfrc_bias[dof_[i]];
     hardware_.reset(actual_);
     motorRate_.reset(start.q);
+    time_s_ = 0.0;
+    report_ = {};
+    external_ = hardware_.externalTorque();
 }
 
-void MujocoPlant::step(const JointVector& applied) {
+// MuJoCo 2.2.2 takes a ball whose centre is inside a box for one whose centre is on its surface; its point is right. Out
+// of a cylinder it finds any way (MPR), near the edges one several times too long.
+void MujocoPlant::correctDepths() {
+    const mjModel& m = mujoco_->model();
+    mjData& d = mujoco_->data();
+    using Vector = Eigen::Map<Eigen::Vector3d>;
+    using Axes = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>;
+    for (int i = 0; i < d.ncon; ++i) {
+        mjContact& contact = d.contact[i];
+        const int ball = contact.geom1, solid = contact.geom2;  // MuJoCo's order is that of its types
+        const double radius = m.geom_size[3 * ball];
+        const Axes axes(d.geom_xmat + 9 * solid);
+        const Vector place(d.geom_xpos + 3 * solid);
+        Vector point(contact.pos), in(contact.frame);
+        if (m.geom_type[solid] == mjGEOM_CYLINDER) {
+            const Vector centre(d.geom_xpos + 3 * ball);
+            const Solid& cylinder = solids_[shapes_[static_cast<std::size_t>(solid)]];
+            const ArmContact::Shortest way = ArmContact::findShortest(cylinder, axes.transpose() * (centre - place));
+            contact.dist = way.distance - radius;
+            in = -(axes * way.normal);
+            Vector(contact.frame + 3) = in.unitOrthogonal();
+            Vector(contact.frame + 6) = in.cross(Vector(contact.frame + 3));
+            point = centre + (radius + 0.5 * contact.dist) * in;
+        } else if (m.geom_type[solid] == mjGEOM_BOX && contact.dist < -(1.0 - 1e-9) * radius) {
+            Eigen::Index face = 0;
+            (axes.transpose() * in).cwiseAbs().maxCoeff(&face);
+            contact.dist = -2.0 * (m.geom_size[3 * solid + face] + in.dot(point - place));
+        }
+    }
+}
+
+MujocoPlant::Touch MujocoPlant::readTouch(const mjContact& contact) const {
+    const std::size_t first = shapes_[static_cast<std::size_t>(contact.geom1)],
+                      second = shapes_[static_cast<std::size_t>(contact.geom2)],
+                      obstacles = shapes_.size() - carriers_.size();
+    const bool isSecondOfArm = second >= obstacles;
+    return {isSecondOfArm ? first : second, carriers_[(isSecondOfArm ? second : first) - obstacles],
+            isSecondOfArm ? 1.0 : -1.0};
+}
+
+void MujocoPlant::accelerate(double time_s) {
+    mjModel& m = mujoco_->model();
+    mjData& d = mujoco_->data();
+    for (std::size_t k = 0; k < spheres_.size(); ++k)
+        Eigen::Map<Eigen::Vector3d>(m.geom_pos + 3 * mujoco_->geoms()[solids_.size() + k]) =
+            spheres_[k].calcCentre(time_s);
+    mj_kinematics(&m, &d);
+    mj_comPos(&m, &d);
+    mj_crb(&m, &d);
+    mj_factorM(&m, &d);
+    mj_collision(&m, &d);
+    correctDepths();
+    mj_makeConstraint(&m, &d);
+    mj_fwdVelocity(&m, &d);
+    for (int i = 0; i < d.ncon; ++i) {  // Hunt and Crossley's damping, friction's, and the velocity of what is touched
+        const mjContact& contact = d.contact[i];
+        const int row = contact.efc_address;
+        if (row < 0) continue;
+        const Touch touch = readTouch(contact);
+        Eigen::Vector3d ofObstacle = Eigen::Vector3d::Zero();
+        if (touch.obstacle >= solids_.size()) {
+            const MovingSphere& sphere = spheres_[touch.obstacle - solids_.size()];
+            ofObstacle = (sphere.calcCentre(time_s + kMoment_s) - sphere.calcCentre(time_s)) / kMoment_s;
+        }
+        for (int axis = 0; axis < contact.dim; ++axis) {
+            const Eigen::Map<const Eigen::Vector3d> direction(contact.frame + 3 * axis);
+            const double velocity = d.efc_vel[row + axis] - touch.side * direction.dot(ofObstacle);
+            const double damping = 1.5 * dissipation_ * -contact.solref[0] / kSoftest * -contact.dist;
+            d.efc_aref[row + axis] -= (axis == 0 ? damping : slipRate_) * velocity;
+        }
+    }
+    mj_fwdAcceleration(&m, &d);
+    mj_fwdConstraint(&m, &d);
+}
+
+JointVector MujocoPlant::calcContactTorque() const {
+    const mjData& d = mujoco_->data();
+    JointVector torque = JointVector::Zero(n_);
+    for (int row = 0; row < d.nefc; ++row)
+        if (d.efc_type[row] >= mjCNSTR_CONTACT_FRICTIONLESS)
+            for (int i = 0; i < n_; ++i) torque[i] += d.efc_force[row] * d.efc_J[row * n_ + dof_[i]];
+    return torque;
+}
+
+void MujocoPlant::reportContacts() {
+    const mjData& d = mujoco_->data();
+    report_ = {};
+    for (int i = 0; i < d.ncon; ++i) {
+        const mjContact& contact = d.contact[i];
+        mjtNum force[6];
+        mj_contactForce(&mujoco_->model(), &d, i, force);
+        const Touch touch = readTouch(contact);
+        ++report_.contacts;
+        for (int axis = 0; axis < 3; ++axis)
+            report_.force += touch.side * force[axis] * Eigen::Map<const Eigen::Vector3d>(contact.frame + 3 * axis);
+        report_.pressing += force[0];
+        if (!(-contact.dist > report_.depth)) continue;
+        report_.depth = -contact.dist;
+        report_.point = Eigen::Map<const Eigen::Vector3d>(contact.pos);
+        report_.carrier = touch.carrier;
+        report_.obstacle = static_cast<int>(touch.obstacle);
+    }
+}
+
+void MujocoPlant::step(const JointVector& applied, double time_s) {
     mjModel& m = mujoco_->model();
     mjData& d = mujoco_->data();
     const JointState state = readState();
@@ -167,9 +382,26 @@ void MujocoPlant::step(const JointVector& applied) {
                                 : rubs                        ? law.calcDry(state.qd[i], nextLoad_[i])
                                                               : 0.0;
     }
-    mj_forward(&m, &d);
-    mj_RungeKutta(&m, &d, 4);
-    for (int i = 0; i < n_; ++i) nextLoad_[i] = motor[i] + d.qfrc_constraint[dof_[i]] + d.qfrc_passive[dof_[i]];
+    const double h = hardware_.substep_s();
+    Eigen::Map<Eigen::VectorXd> q(d.qpos, n_), v(d.qvel, n_);
+    const Eigen::Map<const Eigen::VectorXd> a(d.qacc, n_);
+    const JointVector q0 = q, v0 = v;
+    JointVector way = JointVector::Zero(n_), change = way;
+    const double after[] = {0.0, 0.5 * h, 0.5 * h, h}, share[] = {h / 6.0, h / 3.0, h / 3.0, h / 6.0};
+    for (int stage = 0; stage < 4; ++stage) {
+        if (stage > 0) {
+            q = q0 + after[stage] * v;
+            v = v0 + after[stage] * a;
+        }
+        accelerate(time_s + after[stage]);
+        way += share[stage] * v;
+        change += share[stage] * a;
+    }
+    q = q0 + way;
+    v = v0 + change;
+    const JointVector contact = calcContactTorque();
+    for (int i = 0; i < n_; ++i)
+        nextLoad_[i] = motor[i] + d.qfrc_constraint[dof_[i]] - contact[i] + d.qfrc_passive[dof_[i]];
 }
 
 TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied) {
@@ -178,18 +410,26 @@ TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied)
     motorRate_.limit(applied);
     putState(actual_);
     nextLoad_ = load_;
+    mjData& d = mujoco_->data();
+    double time_s = time_s_;
     try {
-        for (int i = 0; i < hardware_.substeps(); ++i) step(applied);
-    } catch (const std::exception&) {  // MuJoCo's own error, see MujocoModel
-        mujoco_->data().pstack = 0;
+        for (int i = 0; i < hardware_.substeps(); ++i, time_s += hardware_.substep_s()) step(applied, time_s);
+        if (!carriers_.empty()) accelerate(time_s);  // for the report
+    } catch (const std::exception&) {                // MuJoCo's own error, see MujocoModel
+        d.pstack = 0;
         return TickStatus::Faulted;
     }
     const JointState next = readState();
-    if (!isFinite(next, n_)) return TickStatus::Faulted;
+    int& withoutRoom = d.warning[mjWARN_CONTACTFULL].number;
+    if (!isFinite(next, n_) || std::exchange(withoutRoom, 0) > 0) return TickStatus::Faulted;
     actual_ = next;
     load_ = nextLoad_;
+    time_s_ = time_s;
+    if (!carriers_.empty()) reportContacts();
     hardware_.endTick(torque, actual_);
     motorRate_.endTick(applied);
+    external_ = hardware_.externalTorque();
+    if (!carriers_.empty()) external_ += calcContactTorque();
     return TickStatus::Ok;
 }
 

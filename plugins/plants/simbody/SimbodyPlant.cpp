@@ -16,6 +16,7 @@ struct SimbodyPlantOptions {
     bool isRecursive = false;
     MotorRateOptions motorRate;
     PerJoint backlash = 0.0, gearStiffness = 1e4;
+    ContactOptions contact;
 
     template <class V>
     void describe(V& v) {
@@ -28,6 +29,7 @@ struct SimbodyPlantOptions {
         v(backlash, "backlash_rad", "rad", "Width of the gap in each gear; where none has one, the gears are rigid.")
             .atLeast(0);
         v(gearStiffness, "gear_stiffness_Nmprad", "Nm/rad", "Of the gears where any has a gap.").above(0);
+        contact.describe(v);
     }
 };
 
@@ -63,6 +65,7 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
     const auto options = parameters.get<SimbodyPlantOptions>();
     hardware_.configure(setup, options.hardware, parameters);
     motorRate_.configure(setup, options.motorRate, options.hardware.torqueLimitFactor);
+    contact_.configure(setup, hardware_.robot(), options.hardware.substeps, options.contact, parameters);
     halfGap_ = 0.5 * options.backlash.expand(n_);
     stiffness_ = options.gearStiffness.expand(n_);
     hasGears_ = halfGap_.maxCoeff() > 0.0;
@@ -116,6 +119,9 @@ void SimbodyPlant::reset(const MotionState& start) {
     rotor_.q += zeroOffset_;
     hardware_.reset({start.q, start.qd});
     motorRate_.reset(start.q);
+    contact_.reset();
+    time_s_ = 0.0;
+    external_ = hardware_.externalTorque();
 }
 
 JointState SimbodyPlant::encoders() const {
@@ -214,7 +220,9 @@ bool SimbodyPlant::step(const JointVector& motor) {
 
     model_->calcDynamics(q, v, dynamics_);
     if (!isFinite(dynamics_, n_)) return false;
-    JointVector torque = motor + hardware_.externalTorque();
+    const JointVector driving = motor + hardware_.externalTorque();
+    JointVector torque = driving;
+    addContact(0.0, next_.link, torque);
     holdBlocked(torque);
     frictionTorque_.setZero(n_);
     if (hardware_.hasFriction()) calcFriction(dynamics_.M, v, torque - dynamics_.b);
@@ -223,16 +231,20 @@ bool SimbodyPlant::step(const JointVector& motor) {
 
     if (!calcForwardDynamics(dynamics_, net, k1v)) return false;
     const JointVector k2q = v + h / 2.0 * k1v;
-    const auto accelerate = [&](const JointVector& atQ, const JointVector& atV, JointVector& out) {
+    const auto accelerate = [&](double after_s, const JointVector& atQ, const JointVector& atV, JointVector& out) {
         model_->calcDynamics(atQ, atV, dynamics_);
+        if (contact_.isOn()) {
+            net = driving - frictionTorque_;
+            addContact(after_s, {atQ, atV}, net);
+        }
         holdBlocked(net);
         return calcForwardDynamics(dynamics_, net, out);
     };
-    if (!accelerate(q + h / 2.0 * v, k2q, k2v)) return false;
+    if (!accelerate(h / 2.0, q + h / 2.0 * v, k2q, k2v)) return false;
     const JointVector k3q = v + h / 2.0 * k2v;
-    if (!accelerate(q + h / 2.0 * k2q, k3q, k3v)) return false;
+    if (!accelerate(h / 2.0, q + h / 2.0 * k2q, k3q, k3v)) return false;
     const JointVector k4q = v + h * k3v;
-    if (!accelerate(q + h * k3q, k4q, k4v)) return false;
+    if (!accelerate(h, q + h * k3q, k4q, k4v)) return false;
     q += h / 6.0 * (v + 2.0 * k2q + 2.0 * k3q + k4q);
     v += h / 6.0 * (k1v + 2.0 * k2v + 2.0 * k3v + k4v);
     return q.allFinite() && v.allFinite();
@@ -244,12 +256,13 @@ bool SimbodyPlant::stepWithGears(const JointVector& motor) {
     nextLoad_ = calcGearTorque(next_);
     if (hardware_.hasFriction()) calcRotorFriction(next_.rotor.qd, motor - nextLoad_);
 
-    const auto calcRate = [&](const TwoSides& s, TwoSides& rate) {
+    const auto calcRate = [&](double after_s, const TwoSides& s, TwoSides& rate) {
         const JointVector gear = calcGearTorque(s);
         rate.rotor.q = s.rotor.qd;
         rate.rotor.qd = (motor - frictionTorque_ - gear).cwiseQuotient(rotorInertia_);
         rate.link.q = s.link.qd;
         JointVector torque = gear + hardware_.externalTorque();
+        addContact(after_s, s.link, torque);
         model_->calcDynamics(s.link.q, s.link.qd, dynamics_);
         holdBlocked(torque);
         return calcForwardDynamics(dynamics_, torque, rate.link.qd);
@@ -259,14 +272,18 @@ bool SimbodyPlant::stepWithGears(const JointVector& motor) {
                         {s.rotor.q + time * rate.rotor.q, s.rotor.qd + time * rate.rotor.qd}};
     };
     TwoSides k1, k2, k3, k4;
-    if (!calcRate(next_, k1) || !calcRate(move(next_, h / 2.0, k1), k2) || !calcRate(move(next_, h / 2.0, k2), k3) ||
-        !calcRate(move(next_, h, k3), k4))
+    if (!calcRate(0.0, next_, k1) || !calcRate(h / 2.0, move(next_, h / 2.0, k1), k2) ||
+        !calcRate(h / 2.0, move(next_, h / 2.0, k2), k3) || !calcRate(h, move(next_, h, k3), k4))
         return false;
     next_ = move(next_, h / 6.0, k1);
     next_ = move(next_, h / 3.0, k2);
     next_ = move(next_, h / 3.0, k3);
     next_ = move(next_, h / 6.0, k4);
     return isFinite(next_.link, n_) && isFinite(next_.rotor, n_);
+}
+
+void SimbodyPlant::addContact(double after_s, const JointState& arm, JointVector& torque) const {
+    if (contact_.isOn()) contact_.addTorque(time_s_ + after_s, arm, torque);
 }
 
 TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied) {
@@ -280,12 +297,16 @@ TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied
         const JointState& driven = hasGears_ ? next_.rotor : next_.link;
         const JointVector motor = hardware_.calcMotorTorque(applied, driven.q);
         if (!(hasGears_ ? stepWithGears(motor) : step(motor))) return TickStatus::Faulted;
+        time_s_ += hardware_.substep_s();
+        if (contact_.isOn() && !contact_.endStep(time_s_, next_.link)) return TickStatus::Faulted;
     }
     link_ = next_.link;
     rotor_ = next_.rotor;
     load_ = nextLoad_;
     hardware_.endTick(torque, encoders());
     motorRate_.endTick(applied);
+    external_ = hardware_.externalTorque();
+    if (contact_.isOn()) external_ += contact_.torque();
     return TickStatus::Ok;
 }
 

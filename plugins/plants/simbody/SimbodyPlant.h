@@ -5,8 +5,8 @@
 #include "viable/plugin/RealPlant.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/robot/RobotModel.h"
+#include "viable/simulation/ArmContact.h"
 #include "viable/simulation/ArmHardware.h"
-#include "viable/simulation/MotorRate.h"
 
 namespace viable {
 
@@ -21,6 +21,7 @@ M (v+ - v) / h = tau + tau_e - b - f(v+), with F taken at v. For the dry parts t
 Moreau's time stepping, 1988), for the saturating viscous parts a few rounds with f = c v+, c = f(v) / v
 at the last v+. Then one Runge-Kutta step of order 4 is taken with that torque held. So a joint at rest
 under a load below Fs stays exactly there.
+Contact with the obstacles (ArmContact) is part of tau_e, at every stage of the Runge-Kutta step.
 A joint that blocks stops in an impulse, which the others feel, and stays by the torque that this takes.
 Backlash: rotor (with friction and encoder) and link are joined by a spring K and a damper with a gap between them:
     J_r w' = tau - f(w) - tau_g,  M_link qdd + b = tau_g + tau_e,  tau_g = K d + D d'  [Nm]
@@ -38,7 +39,8 @@ public:
     PlantTraits traits() const override { return {hardware_.encoder(), hardware_.delayTicks(), motorRate_.rate()}; }
     const JointState& actual() const override { return link_; }  ///< behind the gears
     TickStatus advance(const JointVector& torque, JointVector& applied) override;
-    const JointVector* externalTorque() const override { return &hardware_.externalTorque(); }
+    const JointVector* externalTorque() const override { return &external_; }
+    const ContactReport* contact() const override { return contact_.isOn() ? &contact_.report() : nullptr; }
 
 private:
     struct TwoSides {
@@ -54,11 +56,16 @@ private:
     bool stopBlocked();
     bool step(const JointVector& motor);
     bool stepWithGears(const JointVector& motor);
+    /** Adds what the surroundings do to the arm `after_s` after the beginning of the sub-step. */
+    void addContact(double after_s, const JointState& arm, JointVector& torque) const;
     JointState encoders() const;
 
     int n_ = 0;
     ArmHardware hardware_;
     MotorRate motorRate_;
+    ArmContact contact_;
+    double time_s_ = 0.0;   // at the beginning of the sub-step
+    JointVector external_;  // push and contact now
     DynamicsEngine engine_ = DynamicsEngine::Simbody;
     std::unique_ptr<RobotModel> model_;  // with backlash without the rotors
     Dynamics dynamics_;

@@ -1,7 +1,11 @@
 #include "MujocoPlant.h"
 
 #include "CaseSupport.h"
+#include "Joints.h"
+#include "RobotFolder.h"
 #include "TestArm.h"
+#include "viable/environment/Environment.h"
+#include "viable/robot/ArmGeometry.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
 
@@ -10,9 +14,13 @@ namespace {
 
 using PlantPtr = PluginPtr<RealPlant>;
 
-PlantPtr makePlant(TestArm& arm, const std::string& name, const std::string& text) {
+PlantPtr makePlant(TestArm& arm, const std::string& name, const std::string& text,
+                   const Environment* environment = nullptr, const ArmGeometry* geometry = nullptr) {
     PlantPtr plant = PluginLoader::create<RealPlant>(findPlugin(PluginKind::RealPlant, name));
-    plant->configure(arm.setup(), arm.read(PluginKind::RealPlant, name, text));
+    RunSetup setup = arm.setup();
+    setup.environment = environment;
+    setup.geometry = geometry;
+    plant->configure(setup, arm.read(PluginKind::RealPlant, name, text));
     plant->reset(arm.start);
     return plant;
 }
@@ -289,22 +297,270 @@ TEST(MujocoModel, ATensorOfNoBodyIsNamedByItsLink) {
     EXPECT_NEAR(still.M(0, 0), axis.dot(Eigen::Vector3d(0.01, 0.02, 0.02).cwiseProduct(axis)) + 2.0 * 0.01, 1e-12);
 }
 
+constexpr double kToolRadius = 0.02;
+
+/** A solid whose surface is at `distance` from the tool of the start, on its way `along`. */
+Solid makeSolid(TestArm& arm, Solid::Kind kind, const Eigen::Vector3d& along, double distance) {
+    Solid solid;
+    solid.name = "thing";
+    solid.kind = kind;
+    solid.size = {0.3, 0.4, 0.2};
+    solid.radius = 0.1;
+    solid.length = 0.2;
+    const double centre = kind == Solid::Kind::HalfSpace ? 0.0 : 0.1;
+    solid.pose.linear() = Eigen::Quaterniond::FromTwoVectors(-Eigen::Vector3d::UnitZ(), along).toRotationMatrix();
+    solid.pose.translation() = arm.calcDynamics(arm.start).tool.position + (distance + centre) * along;
+    return solid;
+}
+
+/** Four joints in a row with random axes, places and masses. */
+void makeRandomArm(RobotFolder& folder) {
+    std::mt19937 random(11);
+    const auto draw = [&](double size) {
+        const JointVector v = makeRandomVector(3, size, random);
+        return std::to_string(v[0]) + " " + std::to_string(v[1]) + " " + std::to_string(v[2]);
+    };
+    folder.urdf = "<robot name='arm'><link name='l0'/>";
+    for (int i = 1; i <= 4; ++i) {
+        const std::string link = "l" + std::to_string(i), before = "l" + std::to_string(i - 1);
+        folder.urdf += makeJoint("j" + std::to_string(i), "revolute", before, link,
+                                 "xyz='0.1 0.05 0.25' rpy='" + draw(1.5) + "'", draw(1.0)) +
+                       makeLink(link, 4.0 - 0.7 * i, draw(0.1), draw(1.0), kSomeInertia);
+    }
+    folder.urdf += makeJoint("flange", "fixed", "l4", "tcp", "xyz='0.1 0 0.1' rpy='0 0 0'", "0 0 1") +
+                   "<link name='tcp'/></robot>";
+    folder.limits = kSomeLimits;
+}
+
+struct Blow {
+    double force = 0.0, depth = 0.0;
+};
+
+Blow strike(TestArm& arm, const std::string& plant, const std::string& text, const Environment& environment) {
+    const PlantPtr real = makePlant(arm, plant, "friction: none, encoder: exact, contact: tool, " + text, &environment);
+    const JointVector gravity = arm.calcDynamics(arm.start).gravity;
+    Blow blow;
+    bool hasTouched = false;
+    for (int tick = 0; tick < 3000 && (!hasTouched || real->contact()->contacts > 0); ++tick) {
+        advance(*real, gravity);
+        const ContactReport& report = *real->contact();
+        hasTouched |= report.contacts > 0;
+        EXPECT_EQ(report.obstacle, report.contacts > 0 ? 0 : -1);
+        EXPECT_EQ(report.carrier, report.contacts > 0 ? arm.robot.toolParent : -1);
+        EXPECT_LE(report.force.norm(), std::hypot(1.0, 0.3001) * report.pressing + 1e-6);  // mu is at most 0.3
+        blow.force = std::max(blow.force, report.pressing);
+        blow.depth = std::max(blow.depth, report.depth);
+    }
+    return blow;
+}
+
+TEST(MujocoPlant, ABlowIsThatOfSimbodys) {
+    RobotFolder folder;
+    makeRandomArm(folder);
+    using Kind = Solid::Kind;
+    const char* const names[] = {"box", "sphere", "cylinder", "half-space", "moving sphere"};
+    for (const char* name : {"indy7", "panda", "ur5e", "random"}) {
+        const bool isRandom = name == std::string("random");
+        TestArm arm(isRandom ? "planar_two_link" : name, 1e-4);
+        if (isRandom) arm.robot = folder.load();
+        const int n = arm.size();
+        arm.limits = arm.robot.limits;
+        arm.robot.actuation.torqueLimit.setConstant(n, kInfinity);
+        if (isRandom) arm.start = {JointVector::Constant(n, 0.4), JointVector::Zero(n), JointVector::Zero(n)};
+        arm.rebuildModel();
+        const Eigen::Vector3d along = Eigen::Vector3d(0.3, -0.2, -1.0).normalized();
+        for (const double friction : {0.0, 0.3})
+            for (int kind = 0; kind < 5; ++kind) {
+                double worst = 0.0, hardest = 0.0;
+                for (const double stiffness : {2.5e3, 1e5, 1e6})
+                    for (const double speed : {0.05, 0.5}) {
+                        arm.start.qd.setZero(n);
+                        const Eigen::MatrixXd J = arm.calcDynamics(arm.start).J.topRows(3);
+                        const bool moves = kind == 4;
+                        Environment environment;
+                        if (moves) {
+                            const Eigen::Vector3d from =
+                                arm.calcDynamics(arm.start).tool.position + (0.1 + kToolRadius + 1e-5) * along;
+                            environment.spheres.push_back(
+                                {"ball", 0.1, {{0.0, from}, {0.1 / speed, from - 0.1 * along}}, false});
+                        } else {
+                            arm.start.qd = J.completeOrthogonalDecomposition().solve(speed * along);
+                            environment.solids.push_back(
+                                makeSolid(arm, static_cast<Kind>(kind), along, kToolRadius + 1e-5));
+                        }
+                        const bool isSoft = stiffness < 1e4;
+                        arm.tick_s = isSoft ? 1e-3 : 1e-4;
+                        const std::string text = (isSoft ? "substeps: 4" : "substeps: 2") +
+                                                 std::string(", contact_stiffness_Npm: ") + std::to_string(stiffness) +
+                                                 ", contact_friction: " + std::to_string(friction);
+                        const Blow ours = strike(arm, "simbody", text, environment),
+                                   theirs = strike(arm, "mujoco", text, environment);
+                        hardest = std::max(hardest, ours.force);
+                        worst = std::max({worst, std::abs(theirs.force / ours.force - 1.0),
+                                          std::abs(theirs.depth / ours.depth - 1.0)});
+                    }
+                std::printf(
+                    "  %s against a %s, friction %.1f: up to %.0f N, peak and depth within %.2g %% of simbody's\n",
+                    name, names[kind], friction, hardest, 100.0 * worst);
+                EXPECT_GT(hardest, 100.0);
+                EXPECT_LE(worst, friction > 0.0 ? 0.15 : 1e-3);
+            }
+    }
+}
+
+TEST(MujocoPlant, AnArmThatLeansOnATablePressesAsItsMotorsSay) {
+    for (const char* name : {"indy7", "panda", "ur5e"})
+        for (const double stiffness : {2e3, 2e4, 1e6}) {
+            TestArm arm(name);
+            Environment environment;
+            environment.solids.push_back(
+                makeSolid(arm, Solid::Kind::Box, -Eigen::Vector3d::UnitZ(), kToolRadius - 1e-3));
+            const PlantPtr plant = makePlant(
+                arm, "mujoco",
+                "friction: none, encoder: exact, contact: tool, substeps: " + std::to_string(stiffness > 1e5 ? 20 : 4) +
+                    ", contact_stiffness_Npm: " + std::to_string(stiffness),
+                &environment);
+            Vector6 force = Vector6::Zero();
+            force[2] = -20.0;
+            for (int tick = 0; tick < 2000; ++tick) {
+                const JointState& now = plant->actual();
+                const Dynamics d = arm.calcDynamics(now.q, now.qd);
+                advance(*plant, d.gravity + d.J.transpose() * force - 10.0 * (d.M * now.qd));
+            }
+            const ContactReport& report = *plant->contact();
+            std::printf("  %s at %.0e N/m: %.4f N, %.4f mm deep, %.1e rad/s\n", name, stiffness, report.pressing,
+                        1e3 * report.depth, plant->actual().qd.cwiseAbs().maxCoeff());
+            EXPECT_LT(plant->actual().qd.cwiseAbs().maxCoeff(), 1e-5);
+            EXPECT_NEAR(report.pressing, 20.0, 0.2);
+            EXPECT_NEAR(report.force.z(), 20.0, 0.2);
+            EXPECT_NEAR(report.depth, 20.0 / stiffness, 0.01 * 20.0 / stiffness);
+            const Dynamics d = arm.calcDynamics(plant->actual().q, plant->actual().qd);
+            EXPECT_LT((*plant->externalTorque() + d.J.transpose() * force).cwiseAbs().maxCoeff(), 0.2);
+        }
+}
+
+TEST(MujocoPlant, ContactHoldsWhatItsFrictionCanAndThenSlides) {
+    RobotFolder folder;
+    folder.urdf = "<robot name='arm'><link name='base'/>" +
+                  makeJoint("along", "prismatic", "base", "cart", "xyz='0 0 0' rpy='0 0 0'", "1 0 0") +
+                  makeLink("cart", 1e-3, "0 0 0", "0 0 0", kSomeInertia) +
+                  makeJoint("up", "prismatic", "cart", "ball", "xyz='0 0 0' rpy='0 0 0'", "0 0 1") +
+                  makeLink("ball", 2.0, "0 0 0", "0 0 0", kSomeInertia) + "</robot>";
+    folder.limits = kSomeLimits;
+    TestArm arm("planar_two_link");
+    arm.robot = folder.load();
+    arm.limits = arm.robot.limits;
+    const double weight = 9.81 * 2.001, most = 0.4 * weight;
+    arm.start = {test::joints(0.0, kToolRadius - weight / 1e5), test::joints(0.0, 0.0), test::joints(0.0, 0.0)};
+    arm.rebuildModel();
+    Environment environment;
+    environment.solids.emplace_back();
+    environment.solids[0].kind = Solid::Kind::HalfSpace;
+    for (const double share : {0.5, 0.95, 1.5}) {
+        const PlantPtr plant = makePlant(arm, "mujoco",
+                                         "friction: none, encoder: exact, contact: tool, substeps: 10, "
+                                         "contact_friction: 0.4",
+                                         &environment);
+        for (int tick = 0; tick < 1000; ++tick) advance(*plant, test::joints(share * most, 0.0));
+        const double moved = plant->actual().q[0], free = 0.5 * (share - 1.0) * most / 2.001;
+        std::printf("  at %.2f of mu N: %.3e m in 1 s\n", share, moved);
+        EXPECT_NEAR(plant->contact()->pressing, weight, 2e-3 * weight);
+        EXPECT_NEAR(-plant->contact()->force.x(), std::min(share, 1.0) * most, 0.01 * most);
+        if (share < 1.0)
+            EXPECT_LT(std::abs(moved), 1e-6);
+        else
+            EXPECT_NEAR(moved, free, 0.01 * free);
+    }
+}
+
+TEST(MujocoPlant, CapsulesTouchToo) {
+    TestArm arm("indy7");
+    const ArmGeometry geometry = loadArmGeometry(arm.robot);
+    const auto capsule = std::find_if(geometry.capsules.begin(), geometry.capsules.end(),
+                                      [](const LinkCapsule& c) { return c.carrier == 2; });
+    ASSERT_NE(capsule, geometry.capsules.end());
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    for (int i = 0; i <= 2; ++i) {
+        const JointDescription& joint = arm.robot.joints[static_cast<std::size_t>(i)];
+        ASSERT_EQ(joint.parent, i - 1);
+        pose = pose * joint.placement;
+        pose.rotate(Eigen::AngleAxisd(arm.start.q[i], joint.axis));
+    }
+    Environment environment;
+    environment.solids.emplace_back();
+    Solid& ball = environment.solids[0];
+    ball.kind = Solid::Kind::Sphere;
+    ball.radius = 0.05;
+    const Eigen::Vector3d middle = pose * (0.5 * (capsule->a + capsule->b)),
+                          aside = (pose.linear() * (capsule->b - capsule->a)).unitOrthogonal();
+    ball.pose.translation() = middle + (capsule->radius + 0.05 - 1e-3) * aside;
+    const std::string text = "friction: none, contact_stiffness_Npm: 1e4, contact_friction: 0, substeps: 20, contact: ";
+    const JointVector gravity = arm.calcDynamics(arm.start).gravity;
+    const PlantPtr tool = makePlant(arm, "mujoco", text + "tool", &environment, &geometry),
+                   whole = makePlant(arm, "mujoco", text + "arm", &environment, &geometry);
+    advance(*tool, gravity);
+    advance(*whole, gravity);
+    EXPECT_EQ(tool->contact()->contacts, 0);
+    const ContactReport& report = *whole->contact();
+    EXPECT_GE(report.contacts, 1);
+    EXPECT_EQ(report.carrier, 2);
+    EXPECT_NEAR(report.depth, 1e-3, 1e-4);
+    EXPECT_LT((report.force + report.pressing * aside).norm(), 0.05 * report.pressing);
+    EXPECT_LT((report.point - ball.pose.translation() + (0.05 - 0.5e-3) * aside).norm(), 1e-3);
+}
+
+TEST(MujocoPlant, RefusesContactsThatItCannotHave) {
+    TestArm arm("indy7");
+    Environment environment;
+    environment.solids.push_back(makeSolid(arm, Solid::Kind::Cylinder, Eigen::Vector3d::UnitX(), 0.0));
+    const auto complain = [&](const std::string& text) {
+        return findComplaint([&] { makePlant(arm, "mujoco", text, &environment); });
+    };
+    EXPECT_EQ(complain("contact: tool, substeps: 10"), "");
+    const std::string few = complain("contact: tool, contact_stiffness_Npm: 1e8");
+    EXPECT_CONTAINS(few, "1 is too few for so stiff a contact");
+    EXPECT_CONTAINS(few, "Write substeps: ");
+    EXPECT_CONTAINS(complain("contact: tool, contact_law: hertz"),
+                    "Write contact_law: spring, or use the plant simbody");
+    EXPECT_CONTAINS(complain("contact: arm"), "how deep a capsule is in the cylinder `thing`");
+    environment.map.emplace();
+    environment.map->name = "hall";
+    EXPECT_CONTAINS(complain("contact: tool"), "each cell of the map `hall`");
+    environment = {};
+    EXPECT_CONTAINS(complain("contact: tool"), "there is nothing to touch");
+
+    // More that touches at one time than there is room for.
+    environment.solids.assign(101, makeSolid(arm, Solid::Kind::Sphere, Eigen::Vector3d::UnitX(), kToolRadius - 1e-5));
+    const PlantPtr plant = makePlant(arm, "mujoco", "contact: tool, substeps: 10", &environment);
+    JointVector applied;
+    EXPECT_EQ(plant->advance(JointVector::Zero(6), applied), TickStatus::Faulted);
+    EXPECT_EQ(plant->actual().q, arm.start.q);
+}
+
 TEST(MujocoPlant, AdvanceAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestArm arm("indy7");
+    const ArmGeometry geometry = loadArmGeometry(arm.robot);
+    Environment environment;
+    environment.solids.push_back(makeSolid(arm, Solid::Kind::Box, Eigen::Vector3d::UnitX(), 0.0));
+    environment.spheres.push_back({"ball", 0.1, {{0.0, arm.calcDynamics(arm.start).tool.position}}, false});
     const PlantPtr plant = makePlant(arm, "mujoco",
                                      "friction_scale: 2, breakaway_ratio: 1.5, load_friction: 0.1, "
-                                     "delay_ticks: 3, torque_ripple_Nm: 1, blocked_joint: 1");
+                                     "delay_ticks: 3, torque_ripple_Nm: 1, blocked_joint: 1, contact: arm, "
+                                     "substeps: 20",
+                                     &environment, &geometry);
     std::mt19937 random(7);
     JointVector applied;
-    std::int64_t allocations = 0;
+    std::int64_t allocations = 0, contacts = 0;
     for (int tick = 0; tick < 500; ++tick) {
         const JointVector torque = makeRandomVector(6, 100.0, random);
         testing::AllocationCounter counter;
         plant->advance(torque, applied);
+        contacts += plant->contact()->contacts;
         if (tick == 250) plant->reset(arm.start);
         allocations += counter.count();
     }
+    EXPECT_GT(contacts, 10);
     EXPECT_EQ(allocations, 0);
 }
 

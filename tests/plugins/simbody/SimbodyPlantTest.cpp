@@ -4,6 +4,7 @@
 
 #include "TestArm.h"
 #include "viable/core/Numbers.h"
+#include "viable/environment/Environment.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
@@ -14,8 +15,10 @@ const char* const kIdeal = "friction: none, encoder: exact";
 
 class Plant {
 public:
-    Plant(TestArm& arm, const std::string& text) : tick_s_(arm.tick_s) {
-        plant_.configure(arm.setup(), arm.read(PluginKind::RealPlant, "simbody", text));
+    Plant(TestArm& arm, const std::string& text, const Environment* environment = nullptr) : tick_s_(arm.tick_s) {
+        RunSetup setup = arm.setup();
+        setup.environment = environment;
+        plant_.configure(setup, arm.read(PluginKind::RealPlant, "simbody", text));
         plant_.reset(arm.start);
     }
 
@@ -462,12 +465,64 @@ TEST(SimbodyPlant, MotionThatOverflowsIsFaultedAndTheStateStays) {
     }
 }
 
+/** A table whose top is so far below the tool of the start. */
+Environment makeTable(TestArm& arm, double below) {
+    Environment environment;
+    Solid table;
+    table.name = "table";
+    table.size = {2.0, 2.0, 0.2};
+    table.pose.translation() =
+        arm.calcDynamics(arm.start).tool.position - Eigen::Vector3d(0.0, 0.0, below + 0.5 * table.size.z());
+    environment.solids.push_back(table);
+    return environment;
+}
+
+// Motors that hold the arm and press the tool down with 20 N: so much the table gives back.
+TEST(SimbodyPlant, AnArmThatLeansOnATablePressesAsItsMotorsSay) {
+    for (const char* name : {"indy7", "panda", "ur5e"})
+        for (const char* gears : {"", ", backlash_rad: 1e-3, gear_stiffness_Nmprad: 2000, substeps: 40"}) {
+            TestArm arm(name);
+            if (*gears && !(arm.robot.actuation.rotorInertia.minCoeff() > 0.0)) continue;
+            const Environment table = makeTable(arm, 0.019);
+            Plant plant(arm,
+                        std::string("friction_scale: 0.3, encoder: exact, contact: tool, contact_stiffness_Npm: 2e4") +
+                            (*gears ? gears : ", substeps: 10"),
+                        &table);
+            Vector6 force = Vector6::Zero();
+            force[2] = -20.0;
+            JointVector applied;
+            for (int tick = 0; tick < 6000; ++tick) {
+                const JointState& now = plant.actual();
+                const Dynamics dynamics = arm.calcDynamics(now.q, now.qd);
+                // A little damping, which at rest is nothing.
+                plant.advance(dynamics.gravity + dynamics.J.transpose() * force - 10.0 * (dynamics.M * now.qd));
+            }
+            const ContactReport* report = plant.plant().contact();
+            ASSERT_NE(report, nullptr);
+            const Dynamics dynamics = arm.calcDynamics(plant.actual().q, plant.actual().qd);
+            const JointVector pressed = *plant.plant().externalTorque();
+            std::printf("  %s: %.2f N, %.3f mm deep, %.2g rad/s\n", name, report->pressing, 1e3 * report->depth,
+                        plant.actual().qd.cwiseAbs().maxCoeff());
+            EXPECT_EQ(report->obstacle, 0);
+            EXPECT_LT(plant.actual().qd.cwiseAbs().maxCoeff(), 1e-3);
+            EXPECT_NEAR(report->pressing, 2e4 * report->depth, 0.02 * report->pressing);
+            // Friction in the joints takes what it can of either.
+            Vector6 felt = Vector6::Zero();
+            felt.head<3>() = report->force;
+            EXPECT_LT((pressed - dynamics.J.transpose() * felt).cwiseAbs().maxCoeff(), 0.03 * report->force.norm());
+            EXPECT_GT(report->pressing, 5.0);
+            EXPECT_LT(report->pressing, 60.0);
+        }
+}
+
 TEST(SimbodyPlant, AdvanceAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestArm arm("indy7");
+    const Environment table = makeTable(arm, 0.0);
     Plant plant(arm,
                 "friction_scale: 2, breakaway_ratio: 1.5, payload_kg: 1, "
-                "encoder_noise_rad: 1.0e-5");
+                "encoder_noise_rad: 1.0e-5, contact: tool, substeps: 10",
+                &table);
     std::mt19937 random(7);
     JointVector applied;
     std::int64_t allocations = 0;

@@ -100,28 +100,89 @@ TEST(RunReport, ShowsWhatIsInTheLogAndLosesNoPeak) {
     EXPECT_TRUE(report.data["cases"][0]["stop"].is_null());
 }
 
-TEST(RunReport, TakesOfALiveRunAreListed) {
-    const RunFolder run(kTwoCases, {"duration_s=3", "cases={free: {filter: {plugin: pass_through}}}"});
-    const std::filesystem::path log = run.path() / "free.mcap";
+/** Writes a log again, with another opening and other rows, which it returns. */
+template <class ChangeOpening, class ChangeRow>
+std::vector<TickRecord> rewrite(const std::filesystem::path& log, ChangeOpening changeOpening, ChangeRow changeRow) {
     LogReader reader(log);
     LogOpening opening{reader.layout(), reader.metadata(), reader.attachments()};
-    opening.layout.isLive = true;
+    changeOpening(opening);
     std::vector<TickRecord> rows;
     for (TickRecord row; reader.read(row);) rows.push_back(row);
-    ASSERT_EQ(rows.size(), 3000u);
     std::filesystem::remove(log);
     LogWriter writer(log, opening);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        rows[i].take = i < 10 ? 0 : i < 1000 ? 1 : i < 1500 ? 0 : i < 2000 ? 2 : 3;  // the third right after the second
+        changeRow(rows[i], i);
         writer.append(rows[i]);
     }
     writer.finish();
+    return rows;
+}
+
+TEST(RunReport, TakesOfALiveRunAreListed) {
+    const RunFolder run(kTwoCases, {"duration_s=3", "cases={free: {filter: {plugin: pass_through}}}"});
+    const auto rows = rewrite(
+        run.path() / "free.mcap", [](LogOpening& opening) { opening.layout.isLive = true; },
+        [](TickRecord& row, std::size_t i) {
+            row.take = i < 10 ? 0 : i < 1000 ? 1 : i < 1500 ? 0 : i < 2000 ? 2 : 3;  // the third right after the second
+        });
+    ASSERT_EQ(rows.size(), 3000u);
     const ReadReport report = run.report();
     const json& takes = report.data["cases"][0]["takes"];
     const auto take = [&](int number, std::size_t from, std::size_t to) {
         return json{{"number", number}, {"from_s", rows[from].time_s}, {"to_s", rows[to].time_s}};
     };
     EXPECT_EQ(takes, (json{take(1, 10, 999), take(2, 1500, 1999), take(3, 2000, 2999)})) << takes;
+}
+
+TEST(RunReport, ATouchOfOneTickIsInPlotReplayAndTable) {
+    const RunFolder run(kTwoCases);
+    const json before = run.report().data;
+    EXPECT_FALSE(before["cases"][0].contains("contact"));
+    EXPECT_FALSE(before["cases"][0]["replay"].contains("contact"));
+    EXPECT_EQ(before.dump().find("touched"), std::string::npos);
+
+    // Of the rows in a frame of the replay the hardest is shown, wherever it is among them.
+    const std::map<std::size_t, double> strikes = {{12001, 906.0}, {12006, 500.0}, {14000, 3.0}, {14005, 70.0}};
+    const auto rows = rewrite(
+        run.path() / "free.mcap",
+        [](LogOpening& opening) {
+            opening.layout.hasContact = true;
+            opening.metadata["obstacles"] = R"(["table", "wall"])";
+        },
+        [&](TickRecord& row, std::size_t i) {
+            const auto strike = strikes.find(i);
+            const double force = strike != strikes.end() ? strike->second : i > 19990 ? 5.0 : 0.0;
+            if (force > 0.0) row.contact = {1, {0.6 * force, 0, 0.8 * force}, force, 1e-3, {0.1, 0.2, 0.3}, 0, 1};
+        });
+    json summary = json::parse(readText(run.path() / "summary.json"));
+    summary["cases"][0]["contact"] = {{"ticks", 13}, {"obstacle", "wall"}, {"peak_N", 906.0}, {"last_N", 5.0}};
+    std::ofstream(run.path() / "summary.json") << summary;
+    const ReadReport report = run.report();
+    const json &one = report.data["cases"][0], &contact = one["contact"], &table = report.data["summary"];
+    EXPECT_EQ(contact["obstacles"], json({"table", "wall"}));
+    EXPECT_EQ(contact["peak_N"], 906.0);
+    EXPECT_EQ(contact["peak_s"], rows[12001].time_s);
+    EXPECT_EQ(contact["peak_obstacle"], 1);
+    EXPECT_EQ(contact["last_N"], 5.0);
+    const std::vector<float> plot = report.numbers(contact["pressing"]),
+                             frames = report.numbers(one["replay"]["contact"]);
+    EXPECT_EQ(*std::max_element(plot.begin(), plot.end()), 906.0f);
+    const std::size_t perFrame = rows.size() / one["replay"]["n"].get<std::size_t>();
+    ASSERT_EQ(perFrame, 8u);
+    for (const auto& [row, force] : {std::pair<std::size_t, float>{12001, 906.0f}, {14005, 70.0f}, {14010, 0.0f}}) {
+        const float* frame = &frames[8 * (row / perFrame)];
+        EXPECT_EQ(frame[0], force) << row;
+        EXPECT_FLOAT_EQ(frame[1], 0.6f * force);
+        EXPECT_FLOAT_EQ(frame[3], 0.8f * force);
+        EXPECT_EQ(frame[5], force > 0.0f ? 0.2f : 0.0f);
+        EXPECT_EQ(frame[7], force > 0.0f ? 1.0f : -1.0f);
+    }
+    EXPECT_FALSE(report.data["cases"][1].contains("contact"));
+    const auto endOf = [&](std::size_t row) { return json(table["rows"][row].end() - 3, table["rows"][row].end()); };
+    EXPECT_EQ(json(table["columns"].end() - 3, table["columns"].end()),
+              json({"touched", "largest force", "force at the end"}));
+    EXPECT_EQ(endOf(0), json({"wall", "906 N", "5 N"}));
+    EXPECT_EQ(endOf(1), json({"-", "-", "-"}));
 }
 
 TEST(RunReport, CollisionsAreCountedInTheTable) {

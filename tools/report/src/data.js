@@ -52,6 +52,9 @@
  *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
  *           "distance": ref, like a series: from what is nearest on the way through the tick and the stop [m] | null
  *           (no filter looked) },
+ *         "contact" (not given: the plant does not tell what the real arm touches): { "obstacles": [str],
+ *           "pressing": ref, like a series: the sum of the normal forces [N], "peak_N", "peak_s", "last_N": num, of all ticks,
+ *           "peak_obstacle": int (-1: none) },
  *         "verification_note": str (why what `viable verify` left is not shown; not given: nothing is in the way),
  *         "verification" (what `viable verify` found out about the arm; not given: nothing): {
  *           "signal": "real"|"nominal" (whose readings), "verdict": VERDICT, "confidence", "excess" (share of a limit that was looked
@@ -66,7 +69,9 @@
  *         "replay": { "step_s": num, "n": int, "nominal": ref f32 n*joints, "real": ref | null,
  *           with a clearance "rest": ref f32 n*joints (where the backup stop ends; NaN: nowhere)
  *           and "nearest": ref f32 n*11: distance [m] (NaN: unknown), link, obstacle (-1: the arm itself), other link, the
- *           point on the arm xyz, the one on the obstacle xyz, duration of the backup stop [s] } } ] }
+ *           point on the arm xyz, the one on the obstacle xyz, duration of the backup stop [s],
+ *           with a contact "contact": ref f32 n*8, of the hardest tick of each frame: pressing [N], force on the arm xyz [N],
+ *           the point of the deepest contact xyz [m], its obstacle } } ] }
  *
  * A series has 2 * buckets values, least and largest per bucket, drawn at t0 + (i + 0.25) * step and
  * t0 + (i + 0.75) * step. Where step_s == tick_s it has one value per bucket, drawn at t0 + i * step (jerk as steps).
@@ -89,6 +94,7 @@ export const STATUS = [
 export const JUDGED = ['position', 'velocity', 'acceleration', 'jerk'];
 
 const NEAREST = 11; // numbers per frame of the replay
+const CONTACT = 8;
 
 /** The names of the limits that acted, of a bucket's bits. */
 export const limitsIn = (bits) => limitNames.filter((_, i) => bits & (1 << i));
@@ -173,10 +179,17 @@ export class Case {
     this.verificationNote = String(json.verification_note ?? '');
     /** What stood around the arm, or null. */
     this.environment = run.environments[json.clearance?.environment] ?? null;
-    this.#names = { links: json.clearance?.links ?? [], obstacles: json.clearance?.obstacles ?? [] };
-    if (!json.clearance) return;
-    this.#ofArm = { clearance: json.clearance.distance, clearance_lower: this.environment?.safety_distance_m };
-    this.samples(0, 'clearance');
+    this.#names = { links: json.clearance?.links ?? [], obstacles: (json.clearance ?? json.contact)?.obstacles ?? [] };
+    if (json.clearance) this.#ofArm = { clearance: json.clearance.distance, clearance_lower: this.environment?.safety_distance_m };
+    if (json.contact) this.#ofArm.pressing = json.contact.pressing;
+    for (const key of Object.keys(this.#ofArm)) this.samples(0, key);
+    /** The hardest touch of the run and the force at its end [N], or null where nobody knows. */
+    this.contact = json.contact && {
+      peak: json.contact.peak_N,
+      time: json.contact.peak_s,
+      obstacle: this.#obstacle(json.contact.peak_obstacle),
+      last: json.contact.last_N,
+    };
   }
 
   /**
@@ -239,23 +252,44 @@ export class Case {
    *   distance [m]; NaN: nobody looked, infinite: nothing is near, and there are no names or points
    */
   nearestAt(time) {
-    const { nearest, step, n } = this.replay ?? {};
-    if (!nearest || n === 0) return null;
-    const frame = Math.min(Math.max(Math.floor((time - this.t0) / step + 1e-9), 0), n - 1);
-    const [distance, link, obstacle, otherLink, ...others] = nearest.subarray(NEAREST * frame, NEAREST * (frame + 1));
-    const { links, obstacles } = this.#names;
+    const numbers = this.#frameAt(this.replay?.nearest, NEAREST, time);
+    if (!numbers) return null;
+    const [distance, link, obstacle, otherLink, ...others] = numbers;
+    const { links } = this.#names;
     const nameOf = (i) => String(links[i] ?? `link ${i}`);
     return {
       distance: link < 0 && distance > 0 ? Infinity : distance,
       link: nameOf(link),
-      other: obstacle < 0 ? nameOf(otherLink) : String(obstacles[obstacle] ?? `obstacle ${obstacle}`),
+      other: obstacle < 0 ? nameOf(otherLink) : this.#obstacle(obstacle),
       onArm: others.slice(0, 3),
       onObstacle: others.slice(3, 6),
       stop: others[6],
     };
   }
 
-  #readReplay({ step_s: step, n, nominal, real, rest, nearest }, where) {
+  /**
+   * What the real arm touches at a time, by the frame of the replay before it; null: nothing, or nobody knows.
+   * @returns {null|{pressing: number, force: number[], point: number[], obstacle: string}}
+   */
+  contactAt(time) {
+    const [pressing, ...others] = this.#frameAt(this.replay?.contact, CONTACT, time) ?? [];
+    if (!(pressing > 0)) return null;
+    return { pressing, force: others.slice(0, 3), point: others.slice(3, 6), obstacle: this.#obstacle(others[6]) };
+  }
+
+  #obstacle(index) {
+    return String(this.#names.obstacles[index] ?? `obstacle ${index}`);
+  }
+
+  /** The numbers of the frame of the replay before a time, or null. */
+  #frameAt(numbers, width, time) {
+    const { step, n } = this.replay ?? {};
+    if (!numbers || n === 0) return null;
+    const frame = Math.min(Math.max(Math.floor((time - this.t0) / step + 1e-9), 0), n - 1);
+    return numbers.subarray(width * frame, width * (frame + 1));
+  }
+
+  #readReplay({ step_s: step, n, nominal, real, rest, nearest, contact }, where) {
     const length = n * this.#run.joints.length;
     if (!(step > 0)) throw new DataError(`${where}: step_s must be positive.`);
     const read = (reference, name, count) => (reference ? this.#run.array(reference, `${where}.${name}`, count) : null);
@@ -266,6 +300,7 @@ export class Case {
       real: read(real, 'real', length),
       rest: read(rest, 'rest', length),
       nearest: read(nearest, 'nearest', NEAREST * n),
+      contact: read(contact, 'contact', CONTACT * n),
     };
   }
 }

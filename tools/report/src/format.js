@@ -80,5 +80,7 @@ export function powers(min, max, onlyPowers = false) {
   return values;
 }
 
+export const inNewtons = (force) => `${number(force, 3)} N`;
+
 /** A time with three decimals. */
 export const seconds = (time) => fixed(time, 3);

@@ -109,6 +109,14 @@ const QUANTITIES = [
     inThousandths: true,
     kinds: [thousandths('clearance', 'clearance', NOMINAL)],
   },
+  {
+    id: 'contact',
+    title: 'Contact force',
+    units: ['N', 'N'],
+    zero: true,
+    ofArm: true,
+    kinds: [series('pressing', 'pressing force', NOMINAL)],
+  },
 ];
 
 /** What there is to plot of a run: a run without a real arm has no lines of one. */

@@ -12,11 +12,11 @@ import {
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { limitsIn } from './data.js';
 import { caseStyle, el, iconButton, save } from './dom.js';
-import { fixed, number } from './format.js';
+import { fixed, inNewtons, number } from './format.js';
 import { CanvasPainter } from './painter.js';
 import { Arm, readSurfaces, Trail } from './scene.js';
 import { ALL_CASES } from './state.js';
-import { NearestLine, Surroundings } from './surroundings.js';
+import { describeContact, ForceArrow, forceScale, NearestLine, Surroundings } from './surroundings.js';
 import { caseColour, colours, limitColour } from './theme.js';
 
 const TRAIL_S = 2;
@@ -45,6 +45,13 @@ const PARTS = [
     label: 'nearest points',
     title: 'Where the arm, on its way through the tick and the stop after it, comes nearest to anything',
     exists: (run) => run.cases.some((c) => c.samples(0, 'clearance') !== null),
+  },
+  {
+    id: 'contact',
+    label: 'contact force',
+    title: 'What presses on the real arm: an arrow from where it touches; with several forces their sum',
+    exists: (run) => run.cases.some((c) => c.replay?.contact),
+    legend: ({ perDecimetre }) => (perDecimetre > 0 ? `: 0.1 m is ${inNewtons(perDecimetre)}` : ''),
   },
 ];
 
@@ -87,7 +94,7 @@ export function createReplay(host, run, state) {
       ),
     );
     const parts = PARTS.filter(({ exists }) => exists(run));
-    if (parts.length > 0) host.append(el('div', { class: 'chips' }, ...parts.map((part) => partButton(part, state))));
+    if (parts.length > 0) host.append(el('div', { class: 'chips' }, ...parts.map((part) => partButton(part, state, replay))));
     const notes = new Set([run.scene, ...run.environments].map((one) => one?.note).filter(Boolean));
     host.append(...[...notes].map((text) => el('p', { class: 'hint', role: 'note', text })));
     return replay;
@@ -100,19 +107,21 @@ export function createReplay(host, run, state) {
 }
 
 /** Shows and hides a part of the replay. */
-function partButton({ id, label, title }, state) {
+function partButton({ id, label, title, legend }, state, replay) {
+  const text = el('span', { text: label });
   const button = el(
     'button',
     { type: 'button', class: 'chip', title, onclick: () => state.togglePart(id) },
     el('span', { class: `key ${id}`, 'aria-hidden': 'true' }),
-    label,
+    text,
   );
   const update = () => {
     button.setAttribute('aria-pressed', String(!state.hiddenParts.has(id)));
+    if (legend) text.textContent = label + legend(replay);
     const colour = state.replayCase === ALL_CASES ? 'var(--muted)' : caseStyle(state.replayCase)['--case'];
     button.style.setProperty('--case', colour); // of the arm's edge and of its stop
   };
-  state.on('replay', update);
+  state.on('replay cases', update);
   update();
   return button;
 }
@@ -181,7 +190,7 @@ function caseChoice(run, state) {
 }
 
 class Replay {
-  #arms = new Map(); // case index to { nominal, real, trail, stop, line }
+  #arms = new Map(); // case index to { nominal, real, trail, stop, line, arrow }
   #surroundings = new Map(); // environment to Surroundings
   #visible = true;
   #frameAsked = false;
@@ -250,9 +259,10 @@ class Replay {
 
   #choose() {
     for (const { root } of this.#surroundings.values()) root.visible = false;
-    for (const { nominal, real, trail, stop, line } of this.#arms.values()) {
+    for (const { nominal, real, trail, stop, line, arrow } of this.#arms.values()) {
       for (const object of [nominal, real, trail, stop]) if (object) object.root.visible = false;
       line?.hide();
+      arrow?.hide();
     }
     this.#cases.forEach((c, layer) => {
       const { nominal, real, trail } = this.#armOf(c);
@@ -284,8 +294,9 @@ class Replay {
       const trail = new Trail();
       const stop = c.replay.rest ? new Arm(this.run, this.surfaces, { opacity: 0.34 }) : null;
       const line = c.replay.nearest ? new NearestLine(this.stage, this.#size) : null;
-      for (const object of [nominal, real, trail, stop, line]) if (object) this.scene.add(object.root);
-      this.#arms.set(c.index, { nominal, real, trail, stop, line });
+      const arrow = c.replay.contact ? new ForceArrow(this.stage, this.#size) : null;
+      for (const object of [nominal, real, trail, stop, line, arrow]) if (object) this.scene.add(object.root);
+      this.#arms.set(c.index, { nominal, real, trail, stop, line, arrow });
     }
     return this.#arms.get(c.index);
   }
@@ -293,6 +304,15 @@ class Replay {
   /** How long the arm is, about [m]. */
   get #size() {
     return this.run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
+  }
+
+  /** What a tenth of a metre of the arrows is [N], by the arms that are shown; 0: none touches anything. */
+  get perDecimetre() {
+    return forceScale(Math.max(0, ...this.#cases.map((c) => c.contact?.peak ?? 0)), this.#size);
+  }
+
+  #contactOf(c, time) {
+    return this.#isHidden('contact') ? null : c.contactAt(time);
   }
 
   /** The ball that holds the arm in all its poses, nearly, and what stands beside it. */
@@ -333,8 +353,9 @@ class Replay {
   #paint() {
     const several = this.#cases.length > 1;
     for (const surroundings of this.#surroundings.values()) surroundings.paint(colours.obstacle);
-    for (const [index, { nominal, real, trail, stop }] of this.#arms) {
+    for (const [index, { nominal, real, trail, stop, arrow }] of this.#arms) {
       const colour = caseColour(index);
+      arrow?.paint(several ? colour : colours.force);
       stop?.paint(colour, colour);
       nominal.paint(several ? colour : null, colours.arm);
       real?.paint(colour, colour);
@@ -373,7 +394,7 @@ class Replay {
       surroundings.show(time, Math.max(0, ...stops.filter(Number.isFinite)));
     }
     for (const c of this.#cases) {
-      const { nominal, real, trail, stop, line } = this.#armOf(c);
+      const { nominal, real, trail, stop, line, arrow } = this.#armOf(c);
       const poseAt = (at) => {
         if (this.#read(c.replay.nominal, c, at, this.pose)) nominal.pose(this.pose);
       };
@@ -392,6 +413,7 @@ class Replay {
       }
       line?.show(this.#isHidden('nearest') ? null : c.nearestAt(time));
       line?.paint(isTooNear(c, time) ? colours.bad : colours.text);
+      arrow?.show(this.#contactOf(c, time), this.perDecimetre);
     }
     this.renderer.render(this.scene, this.camera);
     this.#write(time);
@@ -459,8 +481,16 @@ class Replay {
       line.placeLabel(cases.length === 1 ? inMillimetres(c.nearestAt(time)) : '', this.camera, width, height);
       line.label.classList.toggle('bad', isTooNear(c, time));
     }
+    for (const c of this.#cases) {
+      const text = this.#cases.length === 1 ? inNewtons(c.contactAt(time)?.pressing) : '';
+      this.#armOf(c).arrow?.placeLabel(text, this.camera, width, height);
+    }
     const of = (c) => (this.#cases.length > 1 ? `${c.name}: ` : '');
-    const texts = this.#isHidden('nearest') ? [] : cases.map((c) => `${of(c)}${describe(c.nearestAt(time))}`);
+    const texts = this.#cases.flatMap((c) => {
+      const contact = this.#contactOf(c, time);
+      const told = [contact && describeContact(contact), !this.#isHidden('nearest') && describe(c.nearestAt(time))].filter(Boolean);
+      return this.#cases.length > 1 && told.length > 0 ? [of(c) + told.join(', ')] : told;
+    });
     if (this.state.linkColour === 'speed')
       for (const c of this.#cases) {
         const speeds = this.#speeds[c.index];

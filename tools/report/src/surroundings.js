@@ -2,6 +2,7 @@ import {
   Box3,
   BoxGeometry,
   BufferGeometry,
+  ConeGeometry,
   CylinderGeometry,
   DoubleSide,
   EdgesGeometry,
@@ -19,6 +20,7 @@ import {
   Vector3,
 } from 'three';
 import { el } from './dom.js';
+import { inNewtons, ticks } from './format.js';
 import { asOneBody, ORDER, readPose, readShape } from './scene.js';
 
 /** What stands around the arm, in three's scene. */
@@ -194,37 +196,17 @@ function positionAt(waypoints, repeats, time) {
   return placeOf(from).lerp(placeOf(to), (t - from[0]) / (to[0] - from[0]));
 }
 
-/** A line between the nearest points of arm and obstacle, with the distance beside it. */
-export class NearestLine {
-  #parts;
-  #middle = new Vector3();
-  #from = new Vector3();
-  #to = new Vector3();
+/** Seen through all else, with a label beside it. */
+class Mark {
+  at = new Vector3(); // of the label
 
-  /** @param {number} size of the arm [m] */
-  constructor(stage, size) {
+  constructor(stage, geometries) {
     this.label = el('span', { class: 'nearest-label', hidden: true });
     stage.append(this.label);
     this.material = new MeshBasicMaterial({ transparent: true, depthTest: false });
-    this.root = new Group();
-    const dot = new SphereGeometry(0.009 * size, 16, 12);
-    const rod = new BoxGeometry(1, 1, 1);
-    this.#parts = [dot, dot, rod].map((geometry) => new Mesh(geometry, this.material));
-    this.#parts[2].scale.setScalar(0.005 * size);
-    for (const part of this.#parts) part.renderOrder = ORDER.mark;
-    this.root.add(...this.#parts);
-  }
-
-  /** Puts it between the points of a clearance; hides it where there are none. */
-  show(nearest) {
-    this.root.visible = Number.isFinite(nearest?.distance);
-    if (!this.root.visible) return;
-    const [start, end, rod] = this.#parts;
-    start.position.copy(this.#from.fromArray(nearest.onArm));
-    end.position.copy(this.#to.fromArray(nearest.onObstacle));
-    rod.position.copy(this.#middle.addVectors(this.#from, this.#to).multiplyScalar(0.5));
-    rod.lookAt(this.#to);
-    rod.scale.z = this.#from.distanceTo(this.#to);
+    this.parts = geometries.map((geometry) => new Mesh(geometry, this.material));
+    for (const part of this.parts) part.renderOrder = ORDER.mark;
+    this.root = new Group().add(...this.parts);
   }
 
   hide() {
@@ -236,13 +218,73 @@ export class NearestLine {
     this.material.color.set(colour);
   }
 
-  /** Puts the label beside the line as the camera sees it; without a text it is hidden. */
+  /** Puts the label beside it as the camera sees it; without a text it is hidden. */
   placeLabel(text, camera, width, height) {
-    const { x, y, z } = this.#middle.clone().project(camera);
+    const { x, y, z } = this.at.clone().project(camera);
     this.label.hidden = !this.root.visible || !text || Math.abs(x) > 1 || Math.abs(y) > 1 || z > 1;
     if (this.label.hidden) return;
     this.label.textContent = text;
     this.label.style.setProperty('left', `${((1 + x) / 2) * width}px`);
     this.label.style.setProperty('top', `${((1 - y) / 2) * height}px`);
+  }
+}
+
+/** A line between the nearest points of arm and obstacle. */
+export class NearestLine extends Mark {
+  #from = new Vector3();
+  #to = new Vector3();
+
+  /** @param {number} size of the arm [m] */
+  constructor(stage, size) {
+    const dot = new SphereGeometry(0.009 * size, 16, 12);
+    super(stage, [dot, dot, new BoxGeometry(1, 1, 1)]);
+    this.parts[2].scale.setScalar(0.005 * size);
+  }
+
+  /** Puts it between the points of a clearance; hides it where there are none. */
+  show(nearest) {
+    this.root.visible = Number.isFinite(nearest?.distance);
+    if (!this.root.visible) return;
+    const [start, end, rod] = this.parts;
+    start.position.copy(this.#from.fromArray(nearest.onArm));
+    end.position.copy(this.#to.fromArray(nearest.onObstacle));
+    rod.position.copy(this.at.addVectors(this.#from, this.#to).multiplyScalar(0.5));
+    rod.lookAt(this.#to);
+    rod.scale.z = this.#from.distanceTo(this.#to);
+  }
+}
+
+/** How many newtons a tenth of a metre of an arrow stands for: a round number, so that the largest is a third of the arm. */
+export const forceScale = (peak, size) => (peak > 0 ? ticks(0, peak, (10 / 3) * size).increment : 0);
+
+/** What the replay and the page of a live arm say of a touch. */
+export const describeContact = ({ pressing, obstacle }) => `presses ${obstacle} with ${inNewtons(pressing)}`;
+
+/** The force of the surroundings on the arm: from where it touches, along the force. */
+export class ForceArrow extends Mark {
+  #head; // its length [m]
+
+  /** @param {number} size of the arm [m] */
+  constructor(stage, size) {
+    const rod = new CylinderGeometry(0.005 * size, 0.005 * size, 1, 16).translate(0, 0.5, 0); // along y from the point
+    super(stage, [rod, new ConeGeometry(0.015 * size, 1, 24).translate(0, -0.5, 0)]); // up to its tip
+    this.#head = 0.045 * size;
+    this.root.name = 'force'; // for scripts
+  }
+
+  /** @param contact null: hides it @param {number} perDecimetre forceScale() */
+  show(contact, perDecimetre) {
+    const force = new Vector3(...(contact?.force ?? []));
+    const length = (0.1 * force.length()) / perDecimetre;
+    this.root.visible = length > 0 && Number.isFinite(length);
+    if (!this.root.visible) return;
+    const [rod, head] = this.parts;
+    this.root.position.fromArray(contact.point);
+    this.root.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), force.normalize());
+    rod.scale.y = Math.max(1e-9, length - this.#head);
+    head.position.y = length;
+    const part = Math.min(1, length / this.#head);
+    head.scale.set(part, part * this.#head, part);
+    this.at.copy(this.root.position).addScaledVector(force, length);
   }
 }

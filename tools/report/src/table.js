@@ -1,5 +1,5 @@
 import { el, swatch } from './dom.js';
-import { fixed, number, seconds } from './format.js';
+import { fixed, inNewtons, number, seconds } from './format.js';
 import { limitsIn } from './data.js';
 import { ALL_CASES } from './state.js';
 
@@ -52,9 +52,16 @@ function verdict(c) {
       el('span', { text: pretty(c.verdict), title: `The filter ${guarantee}.` }),
     ),
     el('div', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
+    c.contact ? el('div', { class: 'verdict-contact', text: contactText(c.contact) }) : null,
     c.stop ? el('div', { class: 'verdict-stop', text: stopText(c.stop) }) : null,
   );
 }
+
+/** How hard the real arm pressed, and presses at the end. */
+const contactText = ({ peak, time, obstacle, last }) =>
+  peak > 0
+    ? `pressed ${obstacle} with up to ${inNewtons(peak)} (at ${seconds(time)} s), ${inNewtons(last)} at the end`
+    : 'the real arm touched nothing';
 
 /** The table that the program prints, too. */
 export function fillSummary(host, run) {
@@ -110,6 +117,9 @@ const MEANINGS = {
   collisions: 'Ticks in which the nominal arm touches an obstacle or itself',
   'collisions, real': 'Ticks in which the real arm, as it truly was, touches an obstacle or itself',
   'least clearance': 'Of the nominal arm in the whole run, from obstacles and from itself; negative: that deep inside',
+  touched: 'What the real arm pressed hardest',
+  'largest force': 'With which the real arm pressed on anything',
+  'force at the end': 'With which the real arm presses in the last tick',
   'least clearance, real': 'Of the real arm, as it truly was, from obstacles and from itself; negative: that deep inside',
 };
 

@@ -14,6 +14,7 @@ const LIGHT = {
   bad: '#b3261e',
   limit: '#55606c',
   obstacle: '#a58a63',
+  force: '#7a2fd0',
   arm: '#c3cad2', // without a colour of its own
   speeds: ['#f2a900', '#c11b17'], // of a link, after that of rest
   forbidden: 0.055, // how strongly the place beyond a limit is tinted
@@ -35,6 +36,7 @@ const DARK = {
   bad: '#ff8078',
   limit: '#98a3b0',
   obstacle: '#b39a72',
+  force: '#c79bff',
   arm: '#b9c2cc',
   speeds: ['#ffb829', '#ff5c52'],
   forbidden: 0.1,

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "viable/plugin/CommandSource.h"
+#include "viable/plugin/RealPlant.h"
 #include "viable/plugin/SafetyFilter.h"
 
 namespace viable {
@@ -57,6 +58,7 @@ struct TickRecord {
     /** tau_ext, the surroundings', as measured, where it moves the nominal arm [Nm]; else empty. Not a number:
     the reading was unusable, and the last good one acted (after 10 such ticks none). */
     JointVector externalTorque;
+    ContactReport contact;  ///< the true arm's, where its plant knows
     /** tau_d + tau_ext - tau_c [Nm]; zero in ticks without a controller's torque (a stop of the host's). */
     JointVector removedTorque;
 

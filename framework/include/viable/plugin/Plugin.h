@@ -15,6 +15,7 @@ inline constexpr double kShortestTick_s = 1e-5;
 inline constexpr double kLongestTick_s = 0.1;
 
 struct ArmGeometry;
+struct Environment;
 class PeopleFeed;
 class SurroundingsFeed;
 
@@ -39,6 +40,8 @@ struct RunSetup {
     /** Ticks from a torque to the motors of the real plant; 0 where there is none, or for the plant itself. */
     int delayTicks = 0;
     JointVector motorRate{};  ///< PlantTraits::motorRate of it; of size 0 where there is none, or for the plant itself
+    /** The obstacles that really stand around, for plants that touch them; null: nothing is known. */
+    const Environment* environment = nullptr;
 
     int size() const { return robot.size(); }
 };

@@ -21,7 +21,7 @@ namespace viable {
 /** Raised whenever a class or struct that crosses the border changes its layout or its virtual table. They stand in
 core/, config/, qp/, braking/, robot/, environment/, limits/ and plugin/, and in filter/ and simulation/ for plugins
 to build on. A test compares with the record of this version (tools/scripts/record_interface.sh writes it). */
-inline constexpr std::uint32_t kPluginInterfaceVersion = 12;
+inline constexpr std::uint32_t kPluginInterfaceVersion = 13;
 
 inline constexpr std::uint64_t kPluginMagic = 0x76696162'6c652031ull;  // "viable 1"
 

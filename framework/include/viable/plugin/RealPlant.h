@@ -21,6 +21,17 @@ struct PlantTraits {
         false;  ///< a clock of the plant's own makes the ticks, as a robot's packets do, and read() is called
 };
 
+/** Contact of a simulated arm with obstacles at one time. */
+struct ContactReport {
+    int contacts = 0;                                 ///< places that touch
+    Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< on the arm, all together, base frame [N]
+    double pressing = 0.0;                            ///< sum of the normal forces [N]
+    double depth = 0.0;                               ///< the largest [m]
+    Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< the deepest, base frame [m]
+    int carrier = -1;                                 ///< joint whose link that is on
+    int obstacle = -1;                                ///< it touches: solids, then spheres, then the map
+};
+
 /** The arm that is really there, or an engine that stands for it. All cases of an experiment are configured before
 the first one runs. So open a device that only one may hold at a time, such as a robot, in reset(). It may then throw
 Error. */
@@ -42,6 +53,10 @@ public:
     /** The external torque on each joint now, as sensors measure it [Nm]; null: the arm has no such sensors. This is
     settled after configure(), and the value is valid after reset(). */
     virtual const JointVector* externalTorque() const { return nullptr; }
+
+    /** The contact of the arm now; null: it passes through all, or nobody can know. This is settled after configure(), and
+    the value is valid after reset(). */
+    virtual const ContactReport* contact() const { return nullptr; }
 
     /** With a clock only, once per tick and before measured(): waits for the plant's next tick, and measured() is
     the state there. `ticksPassed`: ticks of its clock since the last read() or reset(), at least 1. The host takes

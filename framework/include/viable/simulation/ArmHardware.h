@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <random>
 
 #include "viable/config/Settings.h"
@@ -11,6 +12,8 @@
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
+
+class ArmRecursion;
 
 /** The ticks whose beginning lies in [from_s, until_s). */
 class TickWindow {
@@ -243,6 +246,43 @@ private:
     int delay_ = 0;
     std::array<JointVector, kMaxDelay> sent_;  // the last delay_ commands, a ring; the oldest at oldest_
     int oldest_ = 0;
+};
+
+struct MotorRateOptions {
+    PerJoint rate = kInfinity;
+
+    template <class V>
+    void describe(V& v) {
+        v(rate, "motor_rate_Nmps", "Nm/s",
+          "Fastest change of a motor's torque, from what holds the nominal arm at the start.")
+            .above(0)
+            .orInfinite();
+    }
+};
+
+/** How fast the motors of a simulated arm can change their torque: as robots do that cut faster changes off
+(TorqueConvention::torqueRate). A plant has MotorRateOptions beside ArmHardwareOptions, and per tick
+cuts what ArmHardware::calcApplied() gave, then endTick() where the tick succeeded. It tells the host (PlantTraits::motorRate):
+the robust loop learns it, and the summary counts the ticks in which it acted.
+Real time: no allocation, lock or throw after configure(). */
+class MotorRate {
+public:
+    /** @param torqueLimitFactor  as ArmHardwareOptions has it */
+    void configure(const RunSetup& setup, const MotorRateOptions& options, double torqueLimitFactor);
+    /** [Nm/s] */
+    const JointVector& rate() const { return rate_; }
+    /** The motors hold the nominal arm at rest at q, as far as their limits let them. */
+    void reset(const JointVector& q);
+
+    /** @param torque  within the motors' limits [Nm]; then what they reach in the coming tick, within them, too */
+    void limit(JointVector& torque) const;
+    void endTick(const JointVector& torque) { last_ = torque; }
+
+private:
+    std::shared_ptr<const ArmRecursion> arm_;  // null: any change
+    JointVector rate_;                         // [Nm/s]
+    JointVector largestStep_, last_;           // [Nm]
+    JointVector torqueLimit_;                  // as ArmHardware has it [Nm]
 };
 
 /** The largest eigenvalue of M(q)^-1 diag(weight) over a fixed sample of poses within the position limits. With

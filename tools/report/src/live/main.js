@@ -51,6 +51,7 @@ async function readRun(live) {
     limits: json.limits,
     places: json.places,
     hasReal: json.has_real,
+    hasContact: json.has_contact,
     tick_s: json.tick_s,
     tMin: 0,
     array,

@@ -1,5 +1,5 @@
 import { el, freeKeys, iconButton, swatch } from '../dom.js';
-import { fixed, number } from '../format.js';
+import { fixed, inNewtons, number } from '../format.js';
 import { limitColour } from '../theme.js';
 import { themeButton } from '../theme_button.js';
 import { limitsOf } from './limits.js';
@@ -407,6 +407,13 @@ export class JointPanel {
   }
 }
 
+/** What the real arm touches, or null. */
+export function contactOf(frame, { obstacles }) {
+  const pressing = frame('pressing')[0];
+  if (!(pressing > 0)) return null;
+  return { pressing, force: frame('force'), point: frame('touched_at'), obstacle: obstacles[frame('touched')[0]] ?? '?' };
+}
+
 /** Ticks, and how old what is seen is. */
 export class TimePanel {
   constructor(host, run) {
@@ -421,6 +428,7 @@ export class TimePanel {
     ];
     if (run.moves === 'tool') rows.unshift(['error', 'Tool from target']);
     if (run.environment) rows.unshift(['clearance', 'Nearest']);
+    if (run.hasContact) rows.unshift(['contact', 'Contact']);
     host.append(
       el('div', { class: 'card-head' }, el('h2', { text: 'Now' })),
       el(
@@ -453,6 +461,8 @@ export class TimePanel {
     const { links, obstacles } = this.run;
     const name = obstacle >= 0 ? obstacles[obstacle] : links[other];
     const distance = one('clearance');
+    const contact = contactOf(frame, this.run);
+    set('contact', contact ? `${inNewtons(contact.pressing)}, ${contact.obstacle}` : '–');
     set('clearance', Number.isFinite(distance) ? `${Math.round(1000 * distance)} mm, ${links[link] ?? '?'} – ${name ?? '?'}` : '–');
   }
 }
@@ -462,6 +472,7 @@ export function viewHead(view, run, headset) {
   const parts = [
     ['stop', 'backup stop', 'Pale: where the arm would come to rest if the backup stop began now'],
     ...(run.environment ? [['obstacles', 'obstacles', 'What stands around the arm'], ['nearest', 'nearest points', 'Where the arm comes nearest to anything']] : []),
+    ...(run.hasContact ? [['contact', 'force', 'What presses on the real arm']] : []),
   ];
   return el(
     'div',

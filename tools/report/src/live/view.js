@@ -17,10 +17,13 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
+import { el } from '../dom.js';
+import { inNewtons } from '../format.js';
 import { Arm, readSurfaces } from '../scene.js';
-import { NearestLine, Surroundings } from '../surroundings.js';
+import { describeContact, ForceArrow, forceScale, NearestLine, Surroundings } from '../surroundings.js';
 import { colours, limitColour } from '../theme.js';
 import { limitsOf } from './limits.js';
+import { contactOf } from './panel.js';
 
 const FIELD_OF_VIEW = 35;
 const SLOW_MS = 40; // a picture that takes longer is made of fewer pixels
@@ -39,7 +42,9 @@ export class View {
     ['stop', true],
     ['obstacles', true],
     ['nearest', true],
+    ['contact', true],
   ]);
+  #hardest = 0; // that the arm has pressed so far [N]
 
   /** @param {boolean} isSoftware without a graphics card: no smooth edges */
   constructor(stage, run, hand, isSoftware) {
@@ -67,7 +72,10 @@ export class View {
     this.real = run.hasReal ? new Arm(run, surfaces, { outline: 0.008 * this.size }) : null;
     this.stop = new Arm(run, surfaces, { opacity: 0.34 });
     this.line = run.environment ? new NearestLine(stage, this.size) : null;
-    for (const one of [this.nominal, this.real, this.stop, this.line]) if (one) this.scene.add(one.root);
+    this.arrow = run.hasContact ? new ForceArrow(stage, this.size) : null;
+    this.text = el('p', { class: 'nearest-text', hidden: true });
+    stage.append(this.text);
+    for (const one of [this.nominal, this.real, this.stop, this.line, this.arrow]) if (one) this.scene.add(one.root);
     this.target = this.#makeTarget();
     this.#makeHandle();
 
@@ -206,6 +214,7 @@ export class View {
     this.nominal.paint(null, colours.arm);
     this.real?.paint(colours.accent, colours.accent);
     this.stop.paint(colours.accent, colours.accent);
+    this.arrow?.paint(colours.force);
     this.ball.material.color.set(colours.cases[1]);
     if (this.floor) this.scene.remove(this.floor);
     const cell = 10 ** Math.floor(Math.log10(this.bounds.radius * 0.5));
@@ -276,6 +285,7 @@ export class View {
       this.surroundings.show(this.#frame('time_s')[0]);
     }
     this.#drawNearest();
+    this.#drawContact();
     this.renderer.render(this.scene, this.#eye ?? this.camera);
     if (this.stage.dataset.pictures === undefined) this.stage.dataset.firstPicture = performance.now().toFixed(0);
     this.stage.dataset.pictures = String(Number(this.stage.dataset.pictures ?? 0) + 1);
@@ -293,6 +303,17 @@ export class View {
     const { clientWidth: width, clientHeight: height } = this.stage;
     this.line.placeLabel(isKnown ? `${Math.round(1000 * distance)} mm` : '', this.camera, width, height);
     this.line.label.classList.toggle('bad', isNear);
+  }
+
+  #drawContact() {
+    const contact = this.arrow && this.#isShown.get('contact') ? contactOf(this.#frame, this.run) : null;
+    this.#hardest = Math.max(this.#hardest, contact?.pressing ?? 0);
+    const perDecimetre = forceScale(this.#hardest, this.size);
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    this.arrow?.show(contact, perDecimetre);
+    this.arrow?.placeLabel(contact ? inNewtons(contact.pressing) : '', this.camera, width, height);
+    this.text.hidden = !contact;
+    if (contact) this.text.textContent = `${describeContact(contact)}; arrow: 0.1 m is ${inNewtons(perDecimetre)}`;
   }
 
   #adapt(took) {
