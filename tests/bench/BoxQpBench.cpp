@@ -58,16 +58,11 @@ void runBoxQp(benchmark::State& state, int n, int held, Start start) {
         qp.solve(p.M, p.target, p.lower, p.upper, x);
         rounds = std::max<double>(rounds, qp.rounds());
     }
-    size_t k = 0;
-    for (auto _ : state) {
-        const Problem& p = problems[k];
+    timeSolver(state, n, problems, [&](const Problem& p) {
         if (start == Start::Cold) qp.reset();
         qp.solve(p.M, p.target, p.lower, p.upper, x);
-        benchmark::DoNotOptimize(x.data());
-        benchmark::ClobberMemory();
-        k = (k + 1) % problems.size();
-    }
-    state.counters["n"] = n;
+        return x.data();
+    });
     state.counters["worst_rounds"] = rounds;
 }
 

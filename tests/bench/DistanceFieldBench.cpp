@@ -5,10 +5,7 @@
 #include <octomap/OcTree.h>
 #include <unistd.h>
 
-#include <filesystem>
-#include <memory>
 #include <random>
-#include <vector>
 
 #include "viable/environment/Surroundings.h"
 

@@ -5,9 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <limits>
 #include <random>
-#include <string>
 
 #include "viable/robot/RobotModel.h"
 #ifdef VIABLE_HAS_KDL

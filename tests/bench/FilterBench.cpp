@@ -1,13 +1,11 @@
 #include <benchmark/benchmark.h>
 
 #include <cmath>
-#include <string>
 
 #include "ArmMatrices.h"
 #include "Paths.h"
 #include "TickTimes.h"
 #include "host/PluginLoader.h"
-#include "viable/config/ConfigNode.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

@@ -5,7 +5,6 @@
 #include <kdl/chainfksolverpos_recursive.hpp>
 #include <kdl/chainjnttojacsolver.hpp>
 
-#include "viable/core/Error.h"
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
 

@@ -53,6 +53,18 @@ private:
     std::vector<int> active_;
 };
 
+/** Times `solve`, which gives an optimum of `n` joints, over the problems. */
+template <class Problem, class Solve>
+void timeSolver(benchmark::State& state, int n, const std::vector<Problem>& problems, const Solve& solve) {
+    std::size_t k = 0;
+    for (auto _ : state) {
+        benchmark::DoNotOptimize(solve(problems[k]));
+        benchmark::ClobberMemory();
+        k = (k + 1) % problems.size();
+    }
+    state.counters["n"] = n;
+}
+
 /** A problem for Quadprog, whose solve() overwrites it, and the optimum that ours found. */
 struct QuadprogProblem {
     Eigen::MatrixXd D, normals;
@@ -70,15 +82,11 @@ inline void timeQuadprog(benchmark::State& state, int n, int rows, const std::ve
         if (!quadprog.solve(g.D, g.d, g.normals, g.bounds, x) || !((x - g.expected).norm() < 1e-6 * g.expected.norm()))
             return state.SkipWithError((std::string("another optimum than ") + ours).c_str());
     }
-    std::size_t k = 0;
-    for (auto _ : state) {
-        g = problems[k];
+    timeSolver(state, n, problems, [&](const QuadprogProblem& problem) {
+        g = problem;
         quadprog.solve(g.D, g.d, g.normals, g.bounds, x);
-        benchmark::DoNotOptimize(x.data());
-        benchmark::ClobberMemory();
-        k = (k + 1) % problems.size();
-    }
-    state.counters["n"] = n;
+        return x.data();
+    });
 } catch (const std::runtime_error& missing) {
     state.SkipWithError(missing.what());
 }

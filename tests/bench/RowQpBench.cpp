@@ -68,15 +68,10 @@ void runRowQp(benchmark::State& state, int n, int acting) {
             return state.SkipWithError("not solved");
         most = std::max(most, qp.iterations());
     }
-    size_t k = 0;
-    for (auto _ : state) {
-        const Problem& p = problems[k];
+    timeSolver(state, n, problems, [&](const Problem& p) {
         qp.solve(p.M, p.target, p.lower, p.upper, p.rows, x);
-        benchmark::DoNotOptimize(x.data());
-        benchmark::ClobberMemory();
-        k = (k + 1) % problems.size();
-    }
-    state.counters["n"] = n;
+        return x.data();
+    });
     state.counters["worst_iterations"] = most;
 }
 
@@ -84,15 +79,10 @@ void runBoxQp(benchmark::State& state, int n, int acting) {
     const std::vector<Problem> problems = makeProblems(n, acting);
     BoxQp qp;
     JointVector x;
-    size_t k = 0;
-    for (auto _ : state) {
-        const Problem& p = problems[k];
+    timeSolver(state, n, problems, [&](const Problem& p) {
         qp.solve(p.M, p.target, p.lower, p.upper, x);
-        benchmark::DoNotOptimize(x.data());
-        benchmark::ClobberMemory();
-        k = (k + 1) % problems.size();
-    }
-    state.counters["n"] = n;
+        return x.data();
+    });
 }
 
 JointVector solveLeastDistance(const Problem& p) {
@@ -122,13 +112,10 @@ void runLeastDistance(benchmark::State& state, int n, int acting) {
         if (!((solveLeastDistance(p) - x).norm() < 1e-6 * x.norm()))
             return state.SkipWithError("another optimum than RowQp's");
     }
-    size_t k = 0;
-    for (auto _ : state) {
-        x = solveLeastDistance(problems[k]);
-        benchmark::DoNotOptimize(x.data());
-        k = (k + 1) % problems.size();
-    }
-    state.counters["n"] = n;
+    timeSolver(state, n, problems, [&](const Problem& p) {
+        x = solveLeastDistance(p);
+        return x.data();
+    });
 }
 
 /** By quadprog, with D = M'M and d made before the clock starts; it is given copies, as it overwrites what it gets. */

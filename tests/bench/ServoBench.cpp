@@ -1,12 +1,7 @@
 #include <benchmark/benchmark.h>
 
-#include <string>
-#include <vector>
-
 #include "Paths.h"
 #include "host/PluginLoader.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/JointTypes.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

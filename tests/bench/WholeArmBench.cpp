@@ -2,11 +2,7 @@
 #include <octomap/OcTree.h>
 #include <unistd.h>
 
-#include <filesystem>
-#include <memory>
-#include <optional>
 #include <random>
-#include <string>
 
 #include "Paths.h"
 #include "TickTimes.h"

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstdint>
-
 #include "viable/plugin/PluginExport.h"
 
 /** Healthy plugins to spoil: each fixture derives from one and does one thing wrong. */

@@ -1,6 +1,5 @@
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <random>
 #include <thread>
 

@@ -1,6 +1,3 @@
-#include <limits>
-#include <stdexcept>
-#include <string>
 
 #include "BrokenPlugin.h"
 

@@ -1,7 +1,5 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 
 #include "BrokenPlugin.h"
 #include "viable/loop/NominalPlant.h"

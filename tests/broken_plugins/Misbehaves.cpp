@@ -4,7 +4,6 @@
 #include <cstdlib>
 
 #include "BrokenPlugin.h"
-#include "viable/core/Error.h"
 
 namespace {
 

@@ -1,6 +1,4 @@
 #include <Eigen/Cholesky>
-#include <limits>
-#include <optional>
 
 #include "BrokenPlugin.h"
 #include "viable/robot/RobotModel.h"

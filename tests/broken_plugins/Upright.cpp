@@ -4,10 +4,8 @@
 #include <cfenv>
 #include <cmath>
 #include <cstdlib>
-#include <string>
 
 #include "BrokenPlugin.h"
-#include "viable/limits/ArmLimit.h"
 #include "viable/robot/RobotModel.h"
 
 namespace {

@@ -1,9 +1,7 @@
 // The plugin interface in one library: everything that crosses the border between host and plugin hangs on these types.
 // Its debug information is what abidw describes (tools/scripts/record_interface.sh).
-#include "viable/environment/People.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/filter/BrakingPolicyFilter.h"
-#include "viable/limits/ArmLimit.h"
 #include "viable/plugin/PluginExport.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/simulation/ArmHardware.h"

@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <csignal>
-#include <map>
 
 #include "ExpectContains.h"
 #include "Program.h"

@@ -4,16 +4,13 @@
 #include <sys/mman.h>
 
 #include <chrono>
-#include <memory>
 #include <random>
-#include <thread>
 
 #include "Effort.h"
 #include "Program.h"
 #include "WitnessPage.h"
 #include "log/Recorder.h"
 #include "records/LogReader.h"
-#include "viable/core/Error.h"
 
 // Runs that are killed (kill -9) at random moments. How far the loop had come is told by a witness, a command
 // plugin that writes each tick's number and time into mapped memory, and so by nothing that takes part in logging.

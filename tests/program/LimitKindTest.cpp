@@ -5,8 +5,6 @@
 #include "ExpectContains.h"
 #include "Program.h"
 #include "records/LogExportColumns.h"
-#include "records/LogReader.h"
-#include "viable/limits/ArmLimit.h"
 
 namespace viable::test {
 namespace {

@@ -1,8 +1,5 @@
 #include <signal.h>
 
-#include <algorithm>
-#include <map>
-
 #include "CaseSupport.h"
 #include "Program.h"
 #include "records/LogReader.h"

@@ -1,11 +1,8 @@
 // `viable new`, used from outside.
 #include <sys/stat.h>
 
-#include <algorithm>
-
 #include "ExpectContains.h"
 #include "Program.h"
-#include "viable/core/Error.h"
 #include "viable/robot/ArmGeometry.h"
 
 namespace viable::test {

@@ -4,7 +4,6 @@
 #include "Program.h"
 #include "ProjectExperiment.h"
 #include "environment/CollisionChecker.h"
-#include "viable/core/JointTypes.h"
 
 // The experiment with obstacles, run by run, judged by somebody else: poses every tenth of a millisecond, each capsule against
 // each obstacle and each cell of the octree.

@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <sstream>
-#include <vector>
 
 #include "Paths.h"
 #include "TemporaryFolder.h"

@@ -2,10 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdio>
-#include <functional>
-#include <vector>
-
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"

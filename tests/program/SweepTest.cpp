@@ -3,9 +3,7 @@
 #include <signal.h>
 #include <sys/stat.h>
 
-#include <chrono>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <thread>
 
 #include "Program.h"

@@ -1,6 +1,3 @@
-#include <algorithm>
-#include <cstdio>
-#include <map>
 #include <sstream>
 
 #include "Paths.h"
@@ -9,9 +6,6 @@
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"
 #include "experiment/ExperimentFile.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 

@@ -3,9 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
-
 namespace viable {
 
 namespace {

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <array>
-#include <vector>
-
 #include "Random.h"
 #include "braking/CertifiedBraking.h"
 #include "viable/filter/CertifiedBrakingFilter.h"

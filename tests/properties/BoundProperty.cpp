@@ -1,15 +1,10 @@
 #include <cstdio>
 #include <exception>
-#include <map>
-#include <string>
-#include <utility>
 
 #include "Paths.h"
 #include "Properties.h"
 #include "Random.h"
 #include "tracking/TrackingBound.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

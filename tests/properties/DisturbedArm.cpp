@@ -1,7 +1,6 @@
 #include "DisturbedArm.h"
 
 #include <Eigen/Cholesky>
-#include <array>
 #include <cmath>
 
 namespace viable {

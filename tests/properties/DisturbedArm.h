@@ -1,9 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
-
 #include "robot/ArmRecursion.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,4 +1,3 @@
-#include <string>
 
 #include "Properties.h"
 #include "Random.h"

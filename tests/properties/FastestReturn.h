@@ -1,7 +1,6 @@
 #pragma once
 
 #include "PathRange.h"
-#include "viable/core/JointLimits.h"
 
 namespace viable {
 

@@ -1,16 +1,12 @@
 #include <octomap/OcTree.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdio>
-#include <filesystem>
-#include <functional>
 
 #include "Properties.h"
 #include "PushedArm.h"
 #include "environment/CollisionChecker.h"
 #include "robot/ArmReach.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

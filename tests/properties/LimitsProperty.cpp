@@ -1,5 +1,4 @@
 #include <cstdio>
-#include <limits>
 
 #include "Arms.h"
 #include "PathRange.h"

@@ -1,7 +1,4 @@
 #include <cstring>
-#include <deque>
-#include <memory>
-#include <string>
 
 #include "Properties.h"
 #include "Random.h"

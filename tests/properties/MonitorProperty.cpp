@@ -1,7 +1,5 @@
 #include <algorithm>
 #include <cstdio>
-#include <map>
-#include <string>
 
 #include "Arms.h"
 #include "Properties.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "viable/braking/GridStop.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -1,6 +1,4 @@
-#include <algorithm>
 #include <cstdio>
-#include <limits>
 
 #include "Properties.h"
 #include "PushedArm.h"

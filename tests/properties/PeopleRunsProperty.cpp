@@ -1,8 +1,6 @@
 #include <time.h>
 
-#include <algorithm>
 #include <cstdio>
-#include <limits>
 
 #include "Paths.h"
 #include "Properties.h"

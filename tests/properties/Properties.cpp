@@ -13,9 +13,6 @@
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
-#include <limits>
-#include <map>
-#include <string>
 
 namespace viable {
 

@@ -1,9 +1,6 @@
 #include "PushedArm.h"
 
-#include <algorithm>
-
 #include "Paths.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

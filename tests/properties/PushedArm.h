@@ -1,14 +1,8 @@
 #pragma once
 
-#include <array>
-#include <memory>
-#include <optional>
-#include <string>
-
 #include "Random.h"
 #include "Report.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "viable/environment/People.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/ArmGeometry.h"

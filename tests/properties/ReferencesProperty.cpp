@@ -1,10 +1,8 @@
 #include <cstdio>
-#include <string>
 
 #include "Arms.h"
 #include "PathRange.h"
 #include "Properties.h"
-#include "viable/core/Numbers.h"
 #include "viable/loop/ReferenceGuard.h"
 
 namespace viable {

@@ -1,10 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
-#include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 
 namespace viable {

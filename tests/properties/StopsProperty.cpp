@@ -3,7 +3,6 @@
 #include "Arms.h"
 #include "FastestReturn.h"
 #include "Properties.h"
-#include "braking/BrakingCertificate.h"
 #include "viable/braking/Braking.h"
 
 namespace viable {

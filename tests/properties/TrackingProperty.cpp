@@ -1,9 +1,5 @@
 #include <Eigen/Cholesky>
-#include <array>
 #include <chrono>
-#include <cstdio>
-#include <memory>
-#include <optional>
 
 #include "DisturbedArm.h"
 #include "ErrorResponse.h"
@@ -13,7 +9,6 @@
 #include "core/Text.h"
 #include "robot/PoseSampling.h"
 #include "viable/braking/Servo.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -4,7 +4,6 @@
 #include <initializer_list>
 
 #include "Paths.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

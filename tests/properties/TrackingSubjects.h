@@ -1,9 +1,6 @@
 #pragma once
 
-#include <string>
-
 #include "tracking/TrackingBound.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,7 +1,6 @@
 #include "Walkers.h"
 
 #include <algorithm>
-#include <string>
 
 namespace viable {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "Random.h"
 #include "viable/environment/People.h"
 

@@ -2,11 +2,7 @@
 // one is used, and its lock is taken and given back.
 #include <pybind11/embed.h>
 
-#include <thread>
-#include <vector>
-
 #include "CaseSupport.h"
-#include "experiment/ConfiguredCase.h"
 
 namespace viable {
 namespace {

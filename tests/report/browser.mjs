@@ -36,6 +36,8 @@ const scriptPattern = (id) => new RegExp(`(<script type="[a-z/]+" id="${id}">)([
 export const contentOf = (html, id) => html.match(scriptPattern(id))[2];
 export const replaced = (page, id, text) => page.replace(scriptPattern(id), (_, start, __, end) => start + text + end);
 
+let opened = []; // in this test
+
 /** Opens a page and watches over it: errors and requests are kept. */
 export async function open(
   path,
@@ -51,6 +53,7 @@ export async function open(
   const page = await from.newPage({ viewport: { width, height }, colorScheme, hasTouch, acceptDownloads: true });
   const own = pathToFileURL(resolve(path)).href;
   page.problems = [];
+  opened.push(page);
   page.on('console', (message) => {
     if (message.type() === 'error') page.problems.push(`console: ${message.text()}`);
   });
@@ -101,7 +104,8 @@ let failed = 0;
 const MOST_HELD_UP = 7; // tries that are given back
 
 /**
- * Runs tests one after the other; each has a name and a body. One that waits for a browser in milliseconds may say how many
+ * Runs tests one after the other; each has a name and a body. No page of a test may have problems, unless pages are kept or
+ * `isQuiet` says that it may. One that waits for a browser in milliseconds may say how many
  * `tries` it has, as others use the machine, too: it fails if none of them passes, and `restore` makes room before the next. A
  * try in which the browser was held up, as `wasHeldUp` has measured ([ms]; 0: it was not), does not count.
  */
@@ -109,7 +113,7 @@ export async function runTests(
   tests,
   { keepsPages = false, restore = async () => {}, wasHeldUp = async () => 0 } = {},
 ) {
-  for (const [index, { name, body, tries = 1 }] of tests.entries()) {
+  for (const [index, { name, body, tries = 1, isQuiet = !keepsPages }] of tests.entries()) {
     let left = tries;
     let heldUp = 0;
     for (let isFirst = true; left > 0; isFirst = false) {
@@ -119,7 +123,9 @@ export async function runTests(
       try {
         if (!isFirst) await restore();
         await wasHeldUp(); // before this try
+        opened = [];
         await body();
+        if (isQuiet) for (const page of opened) assert.deepEqual(page.problems, []);
         console.log(`PASS ${label()}`);
         left = 0;
       } catch (error) {

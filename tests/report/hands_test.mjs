@@ -221,273 +221,245 @@ async function refuses(act, reason, undo = async () => {}) {
   await letGo();
 }
 
-await runTests(
-  [
-    {
-      name: 'headset: squeezing moves nothing, then the tool goes as the hand does, within 5 mm after 3 s',
-      body: async () => {
-        await page.waitForSelector('.stage[data-pictures]');
-        await page.evaluate(() => {
-          const { link } = window.viableLive;
-          link.on('frame', () => window.test.hands.add(link.frame('hand')[0]));
-          const { sendHand } = link;
-          let last = 0;
-          link.sendHand = (message) => {
-            window.test.gap = Math.max(window.test.gap, performance.now() - last);
-            last = performance.now();
-            sendHand.call(link, message);
-          };
-        });
-        await press(page, 'Take control');
-        await press(page, 'Start');
-        await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
-        await enter('VR');
-        const rest = await tool(page);
-        await shoot(page, 'headset'); // a picture takes longer than a hand may be silent
-        await carry([0.1, 0.1, 0.1]);
-        assert.ok(distance(rest, await tool(page)) < STILL_M, 'it moves without the switch');
-        await hold();
-        await sleep(500);
-        assert.ok(distance(rest, await tool(page)) < STILL_M, 'engaging moves it');
-        await letGo();
-        // Right, up and towards the operator: to minus y, plus z and minus x of the base.
-        const { off } = await follow([0.04, 0.05, 0.06], [-0.06, -0.04, 0.05]);
-        console.log(`     ${mm(off)} off`);
-        assert.ok(off < NEAR_M);
-      },
+const cases = [];
+const test = (name, traits, body) => cases.push({ name, ...traits, body });
+
+test('headset: squeezing moves nothing, then the tool goes as the hand does, within 5 mm after 3 s', {}, async () => {
+  await page.waitForSelector('.stage[data-pictures]');
+  await page.evaluate(() => {
+    const { link } = window.viableLive;
+    link.on('frame', () => window.test.hands.add(link.frame('hand')[0]));
+    const { sendHand } = link;
+    let last = 0;
+    link.sendHand = (message) => {
+      window.test.gap = Math.max(window.test.gap, performance.now() - last);
+      last = performance.now();
+      sendHand.call(link, message);
+    };
+  });
+  await press(page, 'Take control');
+  await press(page, 'Start');
+  await eventually(async () => (await page.textContent('.pill')) === 'Running', 'the arm runs');
+  await enter('VR');
+  const rest = await tool(page);
+  await shoot(page, 'headset'); // a picture takes longer than a hand may be silent
+  await carry([0.1, 0.1, 0.1]);
+  assert.ok(distance(rest, await tool(page)) < STILL_M, 'it moves without the switch');
+  await hold();
+  await sleep(500);
+  assert.ok(distance(rest, await tool(page)) < STILL_M, 'engaging moves it');
+  await letGo();
+  // Right, up and towards the operator: to minus y, plus z and minus x of the base.
+  const { off } = await follow([0.04, 0.05, 0.06], [-0.06, -0.04, 0.05]);
+  console.log(`     ${mm(off)} off`);
+  assert.ok(off < NEAR_M);
+});
+
+test('headset: scale, position only, turn only', {}, async () => {
+  await choose({ scale: 0.5 });
+  const half = await follow([0, -0.06, 0], [0, 0, -0.03]);
+  assert.ok(half.off < NEAR_M, mm(half.off));
+  await choose({ scale: 1, part: 1 });
+  const place = await follow([0, 0, -0.04], [0.04, 0, 0], { turn: 0.3 });
+  assert.ok(place.off < NEAR_M, mm(place.off));
+  assert.ok(turnBetween(place.before, place.after).all < NEAR_RAD);
+  await choose({ part: 2 });
+  const turned = await follow([0, 0, 0.04], [0, 0, 0], { turn: 0.3 });
+  const { vertical, all } = turnBetween(turned.before, turned.after);
+  console.log(`     turned by ${vertical.toFixed(4)} rad of 0.3, ${mm(turned.off)} off`);
+  assert.ok(turned.off < NEAR_M, mm(turned.off));
+  assert.ok(Math.abs(vertical - 0.3) < NEAR_RAD && Math.abs(all - 0.3) < NEAR_RAD);
+  await choose({ part: 0 });
+});
+
+test('headset: squeezing again at another place moves nothing', {}, async () => {
+  const before = await tool(page);
+  await carry([0.4, -0.2, 0.5], { turn: 1 });
+  await hold();
+  await sleep(700);
+  assert.ok(distance(before, await tool(page)) < STILL_M);
+  assert.ok(turnBetween(before, await tool(page)).all < 1e-3);
+  await letGo();
+  await carry([-0.4, 0.2, -0.5], { turn: -1 });
+});
+
+test('headset: letting go brings it to rest', {}, async () => {
+  await timesOf(() => grip(false));
+  assert.equal(await handOf(), 'released');
+});
+
+test('headset: an estimated position is refused', {}, () =>
+  refuses(() => set({ isEstimated: true }), 'not tracked', () => set({ isEstimated: false })));
+
+test('headset: a lost pose is refused', {}, () =>
+  refuses(() => set({ isLost: true }), 'not tracked', () => set({ isLost: false })));
+
+test('headset: a session behind a menu is refused', {}, () => {
+  const state = (value) =>
+    page.evaluate((v) => {
+      window.test.headset.updateVisibilityState(v);
+      return performance.now();
+    }, value);
+  return refuses(() => state('visible-blurred'), 'not tracked', () => state('visible'));
+});
+
+test('headset: a controller that is 0.7 m elsewhere is refused, though it counts as tracked', {}, () =>
+  refuses(
+    () =>
+      page.evaluate(() => {
+        window.test.stop();
+        window.test.position.x += 0.7;
+        window.test.carry([0, 0.05, 0], 0, 500);
+        return performance.now();
+      }),
+    'jump',
+    () => carry([-0.7, 0, 0]),
+  ));
+
+test('headset: a pose that is no number is refused', {}, async () => {
+  let y = 0;
+  await refuses(
+    async () => {
+      y = await page.evaluate(() => {
+        window.test.stop();
+        const was = window.test.position.y;
+        window.test.position.y = NaN;
+        return was;
+      });
     },
-    {
-      name: 'headset: scale, position only, turn only',
-      body: async () => {
-        await choose({ scale: 0.5 });
-        const half = await follow([0, -0.06, 0], [0, 0, -0.03]);
-        assert.ok(half.off < NEAR_M, mm(half.off));
-        await choose({ scale: 1, part: 1 });
-        const place = await follow([0, 0, -0.04], [0.04, 0, 0], { turn: 0.3 });
-        assert.ok(place.off < NEAR_M, mm(place.off));
-        assert.ok(turnBetween(place.before, place.after).all < NEAR_RAD);
-        await choose({ part: 2 });
-        const turned = await follow([0, 0, 0.04], [0, 0, 0], { turn: 0.3 });
-        const { vertical, all } = turnBetween(turned.before, turned.after);
-        console.log(`     turned by ${vertical.toFixed(4)} rad of 0.3, ${mm(turned.off)} off`);
-        assert.ok(turned.off < NEAR_M, mm(turned.off));
-        assert.ok(Math.abs(vertical - 0.3) < NEAR_RAD && Math.abs(all - 0.3) < NEAR_RAD);
-        await choose({ part: 0 });
-      },
-    },
-    {
-      name: 'headset: squeezing again at another place moves nothing',
-      body: async () => {
-        const before = await tool(page);
-        await carry([0.4, -0.2, 0.5], { turn: 1 });
-        await hold();
-        await sleep(700);
-        assert.ok(distance(before, await tool(page)) < STILL_M);
-        assert.ok(turnBetween(before, await tool(page)).all < 1e-3);
-        await letGo();
-        await carry([-0.4, 0.2, -0.5], { turn: -1 });
-      },
-    },
-    {
-      name: 'headset: letting go brings it to rest',
-      body: async () => {
-        await timesOf(() => grip(false));
-        assert.equal(await handOf(), 'released');
-      },
-    },
-    {
-      name: 'headset: an estimated position is refused',
-      body: () => refuses(() => set({ isEstimated: true }), 'not tracked', () => set({ isEstimated: false })),
-    },
-    {
-      name: 'headset: a lost pose is refused',
-      body: () => refuses(() => set({ isLost: true }), 'not tracked', () => set({ isLost: false })),
-    },
-    {
-      name: 'headset: a session behind a menu is refused',
-      body: () => {
-        const state = (value) =>
-          page.evaluate((v) => {
-            window.test.headset.updateVisibilityState(v);
-            return performance.now();
-          }, value);
-        return refuses(() => state('visible-blurred'), 'not tracked', () => state('visible'));
-      },
-    },
-    {
-      name: 'headset: a controller that is 0.7 m elsewhere is refused, though it counts as tracked',
-      body: () =>
-        refuses(
-          () =>
-            page.evaluate(() => {
-              window.test.stop();
-              window.test.position.x += 0.7;
-              window.test.carry([0, 0.05, 0], 0, 500);
-              return performance.now();
-            }),
-          'jump',
-          () => carry([-0.7, 0, 0]),
-        ),
-    },
-    {
-      name: 'headset: a pose that is no number is refused',
-      body: async () => {
-        let y = 0;
-        await refuses(
-          async () => {
-            y = await page.evaluate(() => {
-              window.test.stop();
-              const was = window.test.position.y;
-              window.test.position.y = NaN;
-              return was;
-            });
-          },
-          'not finite',
-          () => page.evaluate((value) => (window.test.position.y = value), y),
-        );
-      },
-    },
-    {
-      name: 'headset: room set anew (the origin goes elsewhere): refused',
-      body: () => refuses(() => page.evaluate(() => window.test.headset.recenter()), 'not tracked'),
-    },
-    {
-      name: 'headset: against what limits, it rumbles, and no limit is passed',
-      body: async () => {
-        await choose({ scale: 1 });
-        let before;
-        for (let tries = 1; ; ++tries) {
-          await set({ pulses: 0 });
-          await hold();
-          before = await tool(page);
-          await page.evaluate(() => window.test.hands.clear());
-          const acted = new Set();
-          const carried = carry([0, -0.6, 0.3], { ms: 700 });
-          for (let i = 0; i < 30; ++i) {
-            await sleep(60);
-            for (const name of await limits(page)) acted.add(name);
-          }
-          await carried;
-          await awaitRest(page); // as near as it comes, though the hand is farther
-          await sleep(300);
-          for (const name of await limits(page)) acted.add(name);
-          const wasHeld = await page.evaluate((held) => window.test.hands.has(held), HELD);
-          const hand = wasHeld ? 'held in between' : await handOf();
-          await letGo();
-          const pulses = await page.evaluate(() => window.test.pulses);
-          console.log(`     limits that acted: ${[...acted].join(' ')}; ${pulses} pulses; at rest, ${hand}`);
-          if (hand === 'engaged') {
-            assert.ok([...acted].some((name) => name.startsWith('velocity')) && acted.has('clearance_lower') && pulses > 1);
-            break;
-          }
-          assert.ok((wasHeld || (await wasHeldUp()) > 0) && tries < 6, hand);
-          await carry([0, 0.6, -0.3]);
-          await bring(before);
-        }
-        await carry([0, 0.6, -0.3]);
-        const { off } = await bring([before[0] - 0.05, before[1], before[2] - 0.1]); // the tests before have stretched it
-        assert.ok(off < NEAR_M, mm(off));
-      },
-    },
-    {
-      name: 'headset: leaving it lets go, and from the other side the hand goes the other way',
-      body: async () => {
-        await hold();
-        await leave();
-        await handIs('released');
-        await grip(false);
-        await sleep(300);
-        await enter('AR', 2);
-        assert.equal(await page.evaluate(() => window.viableLive.view.scene.background), null, 'the room is hidden');
-        await shoot(page, 'headset_ar');
-        const { off } = await follow([0.04, -0.04, 0], [0, 0.04, -0.04]);
-        console.log(`     ${mm(off)} off`);
-        assert.ok(off < NEAR_M);
-      },
-    },
-    {
-      name: 'headset: a closed connection is a hand that lets go, and when it is back the old press counts for nothing',
-      body: async () => {
-        await leave();
-        const watcher = await open(await invite(page), { width: 400, height: 300 });
-        await watcher.waitForSelector('.stage[data-pictures]');
-        await watcher.evaluate(() => (window.viableLive.view.renderer.render = () => {})); // only its numbers are looked at
-        await enter('VR');
-        await page.evaluate(() => {
-          const { link, headset } = window.viableLive;
-          link.on('close', () => (window.test.told ??= headset.text));
-        });
-        await timesOf(() => page.evaluate(() => window.socket.close()), watcher);
-        assert.match(await page.evaluate(() => window.test.told), /^No connection: use the arm.s own stop\.$/);
-        await eventually(() => page.evaluate(() => window.viableLive.link.isOpen), 'it is back');
-        await page.evaluate(() => window.viableLive.link.say('take'));
-        await eventually(() => page.evaluate(() => window.viableLive.link.isOperator), 'it operates');
-        const before = await tool(watcher);
-        await carry([0, -0.15, 0]);
-        await sleep(500);
-        assert.ok(distance(before, await tool(watcher)) < STILL_M);
-        await letGo();
-        await leave();
-        await watcher.context().close();
-        assert.deepEqual(page.problems, []);
-      },
-    },
-    {
-      name: 'phone: the tool turns as it does while a finger holds the pad',
-      body: async () => {
-        if (await isPresenting()) await leave(); // a test before may have failed
-        const phone = await open(await invite(page), { width: 390, height: 844, hasTouch: true, isMobile: true });
-        await phone.waitForSelector('.stage[data-pictures]');
-        await press(phone, 'Take over');
-        await eventually(() => phone.evaluate(() => window.viableLive.link.isOperator), 'it operates');
-        await press(phone, 'Turn it with this phone');
-        const fingers = await phone.context().newCDPSession(phone);
-        const turn = (alpha, beta, gamma) => fingers.send('DeviceOrientation.setDeviceOrientationOverride', { alpha, beta, gamma });
-        await turn(20, 40, 5);
-        const pad = phone.getByText('Hold, and turn the phone');
-        await pad.scrollIntoViewIfNeeded();
-        const box = await pad.boundingBox();
-        const at = { x: box.x + box.width / 2, y: box.y + box.height / 2 };
-        const touch = (type, ...points) => fingers.send('Input.dispatchTouchEvent', { type, touchPoints: points });
-        const rest = await tool(phone);
-        await turn(50, 40, 5);
-        await sleep(300);
-        assert.ok(turnBetween(rest, await tool(phone)).all < 1e-3, 'it turns without the finger');
-        await touch('touchStart', at);
-        await handIs('engaged', phone);
-        await sleep(500);
-        assert.ok(turnBetween(rest, await tool(phone)).all < 1e-3, 'engaging turns it');
-        for (let i = 1; i <= 20; ++i) {
-          await turn(50 + i / 2, 40, 5);
-          await sleep(30);
-        }
-        await shoot(phone, 'phone_held');
-        await sleep(3000);
-        const after = await tool(phone);
-        const { vertical, all } = turnBetween(rest, after);
-        console.log(`     turned by ${vertical.toFixed(4)} rad of ${(Math.PI / 18).toFixed(4)}, ${mm(distance(rest, after))} off`);
-        assert.equal(await handOf(phone), 'engaged');
-        assert.ok(distance(rest, after) < NEAR_M);
-        assert.ok(Math.abs(vertical - Math.PI / 18) < NEAR_RAD && Math.abs(all - Math.PI / 18) < NEAR_RAD);
-        await turn(200, 40, 5); // a compass that finds north: no hand
-        await handIs('refused: jump', phone);
-        await touch('touchEnd');
-        await handIs('released', phone);
-        assert.deepEqual(phone.problems, []);
-        await phone.context().close();
-      },
-    },
-    {
-      name: 'Stop ends it within all limits',
-      body: async () => {
-        await press(page, 'Stop');
-        assert.equal(await arm.ended, 0, arm.text);
-        const { cases } = JSON.parse(readFileSync(join(arm.out, 'summary.json'), 'utf8'));
-        assert.match(cases[0].account, /verdict +all limits kept \(nominal arm/);
-      },
-    },
-  ],
-  { keepsPages: true },
-);
+    'not finite',
+    () => page.evaluate((value) => (window.test.position.y = value), y),
+  );
+});
+
+test('headset: room set anew (the origin goes elsewhere): refused', {}, () =>
+  refuses(() => page.evaluate(() => window.test.headset.recenter()), 'not tracked'));
+
+test('headset: against what limits, it rumbles, and no limit is passed', {}, async () => {
+  await choose({ scale: 1 });
+  let before;
+  for (let tries = 1; ; ++tries) {
+    await set({ pulses: 0 });
+    await hold();
+    before = await tool(page);
+    await page.evaluate(() => window.test.hands.clear());
+    const acted = new Set();
+    const carried = carry([0, -0.6, 0.3], { ms: 700 });
+    for (let i = 0; i < 30; ++i) {
+      await sleep(60);
+      for (const name of await limits(page)) acted.add(name);
+    }
+    await carried;
+    await awaitRest(page); // as near as it comes, though the hand is farther
+    await sleep(300);
+    for (const name of await limits(page)) acted.add(name);
+    const wasHeld = await page.evaluate((held) => window.test.hands.has(held), HELD);
+    const hand = wasHeld ? 'held in between' : await handOf();
+    await letGo();
+    const pulses = await page.evaluate(() => window.test.pulses);
+    console.log(`     limits that acted: ${[...acted].join(' ')}; ${pulses} pulses; at rest, ${hand}`);
+    if (hand === 'engaged') {
+      assert.ok([...acted].some((name) => name.startsWith('velocity')) && acted.has('clearance_lower') && pulses > 1);
+      break;
+    }
+    assert.ok((wasHeld || (await wasHeldUp()) > 0) && tries < 6, hand);
+    await carry([0, 0.6, -0.3]);
+    await bring(before);
+  }
+  await carry([0, 0.6, -0.3]);
+  const { off } = await bring([before[0] - 0.05, before[1], before[2] - 0.1]); // the tests before have stretched it
+  assert.ok(off < NEAR_M, mm(off));
+});
+
+test('headset: leaving it lets go, and from the other side the hand goes the other way', {}, async () => {
+  await hold();
+  await leave();
+  await handIs('released');
+  await grip(false);
+  await sleep(300);
+  await enter('AR', 2);
+  assert.equal(await page.evaluate(() => window.viableLive.view.scene.background), null, 'the room is hidden');
+  await shoot(page, 'headset_ar');
+  const { off } = await follow([0.04, -0.04, 0], [0, 0.04, -0.04]);
+  console.log(`     ${mm(off)} off`);
+  assert.ok(off < NEAR_M);
+});
+
+test('headset: a closed connection is a hand that lets go, and when it is back the old press counts for nothing', {}, async () => {
+  await leave();
+  const watcher = await open(await invite(page), { width: 400, height: 300 });
+  await watcher.waitForSelector('.stage[data-pictures]');
+  await watcher.evaluate(() => (window.viableLive.view.renderer.render = () => {})); // only its numbers are looked at
+  await enter('VR');
+  await page.evaluate(() => {
+    const { link, headset } = window.viableLive;
+    link.on('close', () => (window.test.told ??= headset.text));
+  });
+  await timesOf(() => page.evaluate(() => window.socket.close()), watcher);
+  assert.match(await page.evaluate(() => window.test.told), /^No connection: use the arm.s own stop\.$/);
+  await eventually(() => page.evaluate(() => window.viableLive.link.isOpen), 'it is back');
+  await page.evaluate(() => window.viableLive.link.say('take'));
+  await eventually(() => page.evaluate(() => window.viableLive.link.isOperator), 'it operates');
+  const before = await tool(watcher);
+  await carry([0, -0.15, 0]);
+  await sleep(500);
+  assert.ok(distance(before, await tool(watcher)) < STILL_M);
+  await letGo();
+  await leave();
+  await watcher.context().close();
+  assert.deepEqual(page.problems, []);
+});
+
+test('phone: the tool turns as it does while a finger holds the pad', {}, async () => {
+  if (await isPresenting()) await leave(); // a test before may have failed
+  const phone = await open(await invite(page), { width: 390, height: 844, hasTouch: true, isMobile: true });
+  await phone.waitForSelector('.stage[data-pictures]');
+  await press(phone, 'Take over');
+  await eventually(() => phone.evaluate(() => window.viableLive.link.isOperator), 'it operates');
+  await press(phone, 'Turn it with this phone');
+  const fingers = await phone.context().newCDPSession(phone);
+  const turn = (alpha, beta, gamma) => fingers.send('DeviceOrientation.setDeviceOrientationOverride', { alpha, beta, gamma });
+  await turn(20, 40, 5);
+  const pad = phone.getByText('Hold, and turn the phone');
+  await pad.scrollIntoViewIfNeeded();
+  const box = await pad.boundingBox();
+  const at = { x: box.x + box.width / 2, y: box.y + box.height / 2 };
+  const touch = (type, ...points) => fingers.send('Input.dispatchTouchEvent', { type, touchPoints: points });
+  const rest = await tool(phone);
+  await turn(50, 40, 5);
+  await sleep(300);
+  assert.ok(turnBetween(rest, await tool(phone)).all < 1e-3, 'it turns without the finger');
+  await touch('touchStart', at);
+  await handIs('engaged', phone);
+  await sleep(500);
+  assert.ok(turnBetween(rest, await tool(phone)).all < 1e-3, 'engaging turns it');
+  for (let i = 1; i <= 20; ++i) {
+    await turn(50 + i / 2, 40, 5);
+    await sleep(30);
+  }
+  await shoot(phone, 'phone_held');
+  await sleep(3000);
+  const after = await tool(phone);
+  const { vertical, all } = turnBetween(rest, after);
+  console.log(`     turned by ${vertical.toFixed(4)} rad of ${(Math.PI / 18).toFixed(4)}, ${mm(distance(rest, after))} off`);
+  assert.equal(await handOf(phone), 'engaged');
+  assert.ok(distance(rest, after) < NEAR_M);
+  assert.ok(Math.abs(vertical - Math.PI / 18) < NEAR_RAD && Math.abs(all - Math.PI / 18) < NEAR_RAD);
+  await turn(200, 40, 5); // a compass that finds north: no hand
+  await handIs('refused: jump', phone);
+  await touch('touchEnd');
+  await handIs('released', phone);
+  assert.deepEqual(phone.problems, []);
+  await phone.context().close();
+});
+
+test('Stop ends it within all limits', {}, async () => {
+  await press(page, 'Stop');
+  assert.equal(await arm.ended, 0, arm.text);
+  const summary = JSON.parse(readFileSync(join(arm.out, 'summary.json'), 'utf8'));
+  assert.match(summary.cases[0].account, /verdict +all limits kept \(nominal arm/);
+});
+
+await runTests(cases, { keepsPages: true });
 if (process.exitCode) console.log(arm.text, page.problems);
 await finish();

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "RandomStates.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -44,6 +44,32 @@ inline Pose calcTool(RobotModel& model, const JointVector& q) {
     Dynamics dynamics;
     model.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
     return dynamics.tool;
+}
+
+/** At random poses the tool is where the Denavit-Hartenberg table has it.
+@param isModified  after Craig; else the standard form */
+template <int rows>
+void expectToolOfTable(const RobotDescription& robot, RobotModel& model, const DhRow (&table)[rows], bool isModified) {
+    RandomStates states(robot, 7);
+    for (int sample = 0; sample < 200; ++sample) {
+        const JointVector q = states.draw().q;
+        Eigen::Isometry3d chain = Eigen::Isometry3d::Identity();
+        for (int i = 0; i < rows; ++i) {
+            const auto turn = [&] {
+                if (i < robot.size()) chain.rotate(Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()));
+                chain.translate(Eigen::Vector3d(0.0, 0.0, table[i].d));
+            };
+            const Eigen::AngleAxisd twist(table[i].alpha, Eigen::Vector3d::UnitX());
+            if (isModified) chain.rotate(twist);
+            if (!isModified) turn();
+            chain.translate(Eigen::Vector3d(table[i].a, 0.0, 0.0));
+            if (isModified) turn();
+            if (!isModified) chain.rotate(twist);
+        }
+        const Pose tool = calcTool(model, q);
+        ASSERT_LT((tool.position - chain.translation()).norm(), 1e-14);
+        ASSERT_LT((tool.orientation.toRotationMatrix() - chain.linear()).norm(), 1e-14);
+    }
 }
 
 /** The tool poses that were collected for the arm, printed to 1e-8: `fk_checks` of its figures. */

@@ -32,10 +32,7 @@ TEST_F(Indy7Test, ToolPoseIsTheOneThatTheControllerLogged) {
     const Pose tool = calc(toVector(log()["q_deg"], kDegree)).tool;
     const JointVector expected_mm = toVector(log()["tcp_xyz_mm"]);
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(1e3 * tool.position[i], expected_mm[i], 0.05) << i;
-    const JointVector uvw = toVector(log()["tcp_uvw_deg"], kDegree);
-    const Eigen::Quaterniond expected = Eigen::AngleAxisd(uvw[2], Eigen::Vector3d::UnitZ()) *
-                                        Eigen::AngleAxisd(uvw[1], Eigen::Vector3d::UnitY()) *
-                                        Eigen::AngleAxisd(uvw[0], Eigen::Vector3d::UnitX());
+    const Eigen::Quaterniond expected = toOrientation(toVector(log()["tcp_uvw_deg"], kDegree));
     EXPECT_LT(tool.orientation.angularDistance(expected), 1e-5);
 }
 
@@ -99,13 +96,7 @@ TEST_F(Indy7Test, UrdfHoldsThePublishedFigures) {
         const BodyInertia& body = robot_.joints[i].body;
         EXPECT_EQ(body.mass, link["mass"].get<double>());
         EXPECT_EQ(JointVector(body.com), toVector(link["com"]));
-        const nlohmann::json& inertia = link["inertia_com"];
-        EXPECT_EQ(body.inertia(0, 0), inertia["ixx"].get<double>());
-        EXPECT_EQ(body.inertia(1, 1), inertia["iyy"].get<double>());
-        EXPECT_EQ(body.inertia(2, 2), inertia["izz"].get<double>());
-        EXPECT_EQ(body.inertia(0, 1), inertia["ixy"].get<double>());
-        EXPECT_EQ(body.inertia(2, 0), inertia["ixz"].get<double>());
-        EXPECT_EQ(body.inertia(1, 2), inertia["iyz"].get<double>());
+        EXPECT_EQ(body.inertia, toTensor(link["inertia_com"])) << link["name"];
     }
 }
 

@@ -3,7 +3,6 @@
 #include "Figures.h"
 #include "Joints.h"
 #include "Paths.h"
-#include "RandomStates.h"
 
 namespace viable::test {
 namespace {
@@ -45,20 +44,7 @@ TEST_F(PandaTest, ToolPoseFollowsTheDenavitHartenbergTable) {
     const DhRow table[] = {
         {0, 0.333, 0},   {0, 0, -quarter},    {0, 0.316, quarter}, {0.0825, 0, quarter}, {-0.0825, 0.384, -quarter},
         {0, 0, quarter}, {0.088, 0, quarter}, {0, 0.107, 0}};
-    RandomStates states(robot_, 7);
-    for (int sample = 0; sample < 200; ++sample) {
-        const JointVector q = states.draw().q;
-        Eigen::Isometry3d chain = Eigen::Isometry3d::Identity();
-        for (int i = 0; i < 8; ++i) {
-            chain.rotate(Eigen::AngleAxisd(table[i].alpha, Eigen::Vector3d::UnitX()));
-            chain.translate(Eigen::Vector3d(table[i].a, 0.0, 0.0));
-            if (i < 7) chain.rotate(Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()));
-            chain.translate(Eigen::Vector3d(0.0, 0.0, table[i].d));
-        }
-        const Pose tool = calcTool(model_, q);
-        ASSERT_LT((tool.position - chain.translation()).norm(), 1e-14);
-        ASSERT_LT((tool.orientation.toRotationMatrix() - chain.linear()).norm(), 1e-14);
-    }
+    expectToolOfTable(robot_, model_, table, true);
 }
 
 /** Gaz et al., RA-L 4(4), 2019: FI1 / (1 + exp(-FI2 (qd + FI3))) - FI1 / (1 + exp(-FI2 FI3)), FI3 the offset of the law's

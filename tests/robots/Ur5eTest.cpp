@@ -1,7 +1,6 @@
 #include "Figures.h"
 #include "Joints.h"
 #include "Paths.h"
-#include "RandomStates.h"
 
 namespace viable::test {
 namespace {
@@ -31,19 +30,7 @@ TEST_F(Ur5eTest, ToolPoseFollowsTheDenavitHartenbergTable) {
     const double quarter = EIGEN_PI / 2;
     const DhRow table[] = {{0, 0.1625, quarter}, {-0.425, 0, 0},        {-0.3922, 0, 0},
                            {0, 0.1333, quarter}, {0, 0.0997, -quarter}, {0, 0.0996, 0}};
-    RandomStates states(robot_, 7);
-    for (int sample = 0; sample < 200; ++sample) {
-        const JointVector q = states.draw().q;
-        Eigen::Isometry3d chain = Eigen::Isometry3d::Identity();
-        for (int i = 0; i < 6; ++i) {
-            chain.rotate(Eigen::AngleAxisd(q[i], Eigen::Vector3d::UnitZ()));
-            chain.translate(Eigen::Vector3d(table[i].a, 0.0, table[i].d));
-            chain.rotate(Eigen::AngleAxisd(table[i].alpha, Eigen::Vector3d::UnitX()));
-        }
-        const Pose tool = calcTool(model_, q);
-        ASSERT_LT((tool.position - chain.translation()).norm(), 1e-14);
-        ASSERT_LT((tool.orientation.toRotationMatrix() - chain.linear()).norm(), 1e-14);
-    }
+    expectToolOfTable(robot_, model_, table, false);
 }
 
 /** The vendor publishes centres of mass also in the frames of its Denavit-Hartenberg table (the article above); there the

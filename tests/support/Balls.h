@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "viable/environment/Environment.h"
 
 namespace viable::test {

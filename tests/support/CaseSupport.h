@@ -1,13 +1,10 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "Complaint.h"
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "experiment/CaseRun.h"
 #include "experiment/ExperimentFile.h"
-#include "viable/core/Error.h"
 
 namespace viable::test {
 

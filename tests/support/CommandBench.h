@@ -1,16 +1,13 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
-#include <string>
 
 #include "Complaint.h"
 #include "Paths.h"
 #include "core/RotationVector.h"
 #include "host/PluginLoader.h"
-#include "viable/core/Error.h"
+#include "viable/testing/AllocationCounter.h"
 #include "viable/testing/PluginBench.h"
 
 namespace viable {
@@ -152,6 +149,31 @@ inline PluginPtr<CommandSource> loadCommandSource(const char* name) {
     EXPECT_EQ(info.name, name);
     EXPECT_FALSE(info.summary.empty());
     return PluginLoader::create<CommandSource>(info);
+}
+
+/** The library's own object gives the same commands as the class linked into the test, before and after a reset.
+@param configure  does so with either */
+template <class Source, class Configure>
+void expectSameAsLibrary(const CommandBench& bench, const char* name, double duration_s, const Configure& configure) {
+    const PluginPtr<CommandSource> loaded = loadCommandSource(name);
+    Source linked;
+    configure(*loaded);
+    configure(linked);
+    linked.reset(bench.start);
+    for (int round = 0; round < 2; ++round) {
+        loaded->reset(bench.start);
+        for (double t = 0.0; t < duration_s; t += 0.01) expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
+    }
+}
+
+/** A configured source takes no memory in its reset and its ticks. */
+inline void expectNoAllocation(const CommandBench& bench, CommandSource& source, int ticks) {
+    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
+    MotionCommand command;
+    const testing::AllocationCounter counter;
+    source.reset(bench.start);
+    for (int k = 0; k < ticks; ++k) source.sample(k * 1e-3, command);
+    EXPECT_EQ(counter.count(), 0);
 }
 
 }  // namespace viable

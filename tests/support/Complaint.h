@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <string>
-
 #include "viable/core/Error.h"
 
 namespace viable::test {

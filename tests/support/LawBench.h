@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "TestArm.h"
 #include "viable/testing/AllocationCounter.h"
 
@@ -10,7 +8,7 @@ namespace viable {
 /** What came of a limit law in a closed loop with the nominal arm. */
 struct LawOutcome {
     LimitExcess excess;
-    int ticks = 0, passed = 0, modified = 0, infeasible = 0;
+    int ticks = 0, passed = 0, modified = 0, infeasible = 0, holdingJerk = 0;
     double firstInfeasible_s = -1.0;  ///< -1: never
     std::int64_t allocations = 0;     ///< in the filter, where they can be counted
     MotionState end;
@@ -54,20 +52,19 @@ public:
         return make(parameters)->filter({state, JointVector::Constant(1, push), makeUnitDynamics(1)}, decision);
     }
 
-    /** From the start. @param wanted  the desired accelerations in a tick; @param check  sees the state before each
-    tick and the decision */
-    template <class Wanted, class Check>
-    LawOutcome run(const std::string& parameters, double duration_s, Wanted wanted, Check check) {
+    /** From the start. @param torqueOf  the desired torque in a tick, of state and dynamics; @param check  sees the state
+    before each tick and the decision */
+    template <class TorqueOf, class Check>
+    LawOutcome drive(const std::string& parameters, double duration_s, TorqueOf torqueOf, Check check) {
         const std::unique_ptr<Filter> filter = make(parameters);
         MotionState state = arm.start;
         FilterDecision decision;
         Dynamics dynamics = makeUnitDynamics(arm.size());
-        JointVector torque;
         LawOutcome outcome;
         outcome.ticks = static_cast<int>(std::lround(duration_s / arm.tick_s));
         for (int k = 0; k < outcome.ticks; ++k) {
             if (arm.size() > 1) arm.model().calcDynamics(state.q, state.qd, dynamics);
-            calcInverseDynamics(dynamics, wanted(state), torque);
+            const JointVector torque = torqueOf(state, dynamics);
             const testing::AllocationCounter counter;
             const FilterStatus status = filter->filter({state, torque, dynamics}, decision);
             outcome.allocations += counter.count();
@@ -76,19 +73,34 @@ public:
             if (::testing::Test::HasFailure()) break;
             outcome.passed += status == FilterStatus::Passed;
             outcome.modified += status == FilterStatus::Modified;
+            outcome.holdingJerk += decision.held == HeldQuantity::Jerk;
             if (status == FilterStatus::Infeasible && outcome.infeasible++ == 0)
                 outcome.firstInfeasible_s = k * arm.tick_s;
             check(state, decision, *filter);
             const JointVector jerk = calcJerk(decision, state.qdd, arm.tick_s);
+            if (status == FilterStatus::Infeasible && decision.held == HeldQuantity::Jerk) {  // braking, in its limits
+                EXPECT_TRUE((jerk.array() >= arm.limits.jerk.lower.array()).all()) << "tick " << k;
+                EXPECT_TRUE((jerk.array() <= arm.limits.jerk.upper.array()).all()) << "tick " << k;
+            }
             advanceNominal(decision, arm.tick_s, state);
             outcome.excess.observe(jerk, state, arm.limits);
         }
         outcome.end = state;
         return outcome;
     }
-    template <class Wanted>
-    LawOutcome run(const std::string& parameters, double duration_s, Wanted wanted) {
-        return run(parameters, duration_s, wanted, [](const MotionState&, const FilterDecision&, const Filter&) {});
+    template <class TorqueOf>
+    LawOutcome drive(const std::string& parameters, double duration_s, TorqueOf torqueOf) {
+        return drive(parameters, duration_s, torqueOf, [](const MotionState&, const FilterDecision&, const Filter&) {});
+    }
+    /** The same. @param wanted  the desired accelerations in a tick */
+    template <class Wanted, class... Check>
+    LawOutcome run(const std::string& parameters, double duration_s, Wanted wanted, Check... check) {
+        JointVector torque;
+        const auto torqueOf = [&](const MotionState& state, const Dynamics& dynamics) {
+            calcInverseDynamics(dynamics, wanted(state), torque);
+            return torque;
+        };
+        return drive(parameters, duration_s, torqueOf, check...);
     }
     /** Pushed about (see PushingCommand). */
     LawOutcome push(const std::string& parameters, double duration_s, double size, bool bangBang, unsigned seed) {
@@ -105,17 +117,6 @@ public:
                 return JointVector(5.0 * (JointVector::Constant(1, target(k++ * arm.tick_s)) - s.q) - s.qd);
             },
             check);
-    }
-
-    /** The limits of the teleoperation experiment (30), for the robot indy7. */
-    void setPapersArmLimits() {
-        const auto both = [](const JointVector& size) { return JointBounds{-size, size}; };
-        arm.limits.velocity = both(JointVector::Constant(6, 2 * kPi / 3));
-        arm.limits.acceleration = both(JointVector::Constant(6, 4 * kPi));
-        arm.limits.jerk = both(JointVector::Constant(6, 12 * kPi));
-        JointVector range(6);
-        range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
-        arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
     }
 
     /** Limits of a single joint such as a run accepts, each side its own; braking reaches the acceleration limit or does
@@ -178,7 +179,7 @@ long expectRatesHeldUnderRandomLimits(const std::string& name, unsigned seed, co
 template <class Filter>
 void expectRatesHeldOnTheArm(const std::string& name, const std::string& parameters) {
     LawBench<Filter> bench("indy7", name);
-    bench.setPapersArmLimits();
+    setPaperLimits(bench.arm);
     const LawOutcome outcome = bench.push(parameters, 10.0, 40.0, true, 8);
     EXPECT_LE(outcome.excess.jerk, 1e-9);
     EXPECT_LE(outcome.excess.acceleration, 1e-9);
@@ -187,12 +188,12 @@ void expectRatesHeldOnTheArm(const std::string& name, const std::string& paramet
                 outcome.excess.velocity, outcome.infeasible, outcome.ticks);
 }
 
-/** The library's own object gives the same answers as the class linked into the test. */
+/** The library's own object gives the same answers as the class linked into the test.
+@param guarantees  whether the limits of the joints; other guarantees it makes none */
 template <class Filter>
-void expectSameAsLibrary(const std::string& name) {
+void expectSameAsLibrary(const std::string& name, bool guarantees = false) {
     TestArm arm("indy7");
     const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, name));
-    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
     Filter own;
     FilterDecision decisions[2];
     FilterStatus statuses[2];
@@ -201,6 +202,9 @@ void expectSameAsLibrary(const std::string& name) {
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
         filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, name, ""));
         filter->reset(arm.start);
+        EXPECT_EQ(filter->traits().guarantees.hasJoints(), guarantees);
+        EXPECT_EQ(filter->traits().guarantees.isEmpty(), !guarantees);
+        EXPECT_FALSE(filter->traits().recovers);
         statuses[k] = filter->filter({arm.start, JointVector::LinSpaced(6, 5.0, 50.0), dynamics}, decisions[k]);
         ++k;
     }

@@ -1,19 +1,14 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <random>
-#include <vector>
+#include <thread>
 
 #include "Complaint.h"
 #include "TemporaryFolder.h"
-#include "log/LogWriter.h"
 #include "records/LogReader.h"
-#include "viable/core/Error.h"
 
 namespace viable::test {
 
@@ -302,6 +297,36 @@ inline std::vector<TickRecord> readAll(LogReader& reader) {
 template <class Call>
 std::string catchError(ErrorKind kind, const Call& call) {
     return catchError(call, kind);
+}
+
+/** What is wrong with a log, by a reader of all its rows. */
+inline std::string complainReading(const std::filesystem::path& file) {
+    return catchError(ErrorKind::BadInput, [&] {
+        LogReader reader(file);
+        readAll(reader);
+    });
+}
+
+/** Two threads do the same at once: one succeeds, the other is refused. */
+template <class Work>
+void expectOneOfTwo(const Work& work) {
+    std::atomic<int> ready{0}, made{0}, refused{0};
+    const auto run = [&] {
+        ready.fetch_add(1);
+        while (ready.load() < 2) {
+        }
+        try {
+            work();
+            made.fetch_add(1);
+        } catch (const Error& e) {
+            refused.fetch_add(e.kind() == ErrorKind::BadInput ? 1 : 100);
+        }
+    };
+    std::thread other(run);
+    run();
+    other.join();
+    EXPECT_EQ(made.load(), 1);
+    EXPECT_EQ(refused.load(), 1);
 }
 
 }  // namespace viable::test

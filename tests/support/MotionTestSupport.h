@@ -5,8 +5,6 @@
 
 #include "Effort.h"
 #include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,10 +1,7 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "Complaint.h"
 #include "TemporaryFolder.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {

@@ -1,20 +1,13 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <random>
-#include <string>
 
 #include "Complaint.h"
 #include "Paths.h"
 #include "host/PluginLoader.h"
-#include "viable/core/Error.h"
-#include "viable/core/JointTypes.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotDescription.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
@@ -76,6 +69,17 @@ private:
 };
 
 using test::findComplaint;
+
+/** The limits of the paper's teleoperation experiment (30), for the robot indy7. */
+inline void setPaperLimits(TestArm& arm) {
+    const auto both = [](double x) { return JointBounds{JointVector::Constant(6, -x), JointVector::Constant(6, x)}; };
+    arm.limits.velocity = both(2 * kPi / 3);
+    arm.limits.acceleration = both(4 * kPi);
+    arm.limits.jerk = both(12 * kPi);
+    JointVector range(6);
+    range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
+    arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
+}
 
 #define EXPECT_CONTAINS(text, part) \
     EXPECT_NE(std::string(text).find(part), std::string::npos) << "the text is: " << (text)
@@ -241,6 +245,54 @@ inline void expectSameAnswersAfterReset(SafetyFilter& filter, TestArm& arm) {
     const MotionState first = play(), second = play();
     EXPECT_EQ(first.q, second.q);
     EXPECT_EQ(first.qdd, second.qdd);
+}
+
+/** Inputs that are not finite or of the wrong size, and an inertia that cannot be, are refused. They change neither the
+decision nor the filter's next answer, before its first good tick or behind it.
+@param make  gives a filter, configured and reset */
+template <class Make>
+void expectNoTraceOfBadInput(TestArm& arm, Make make) {
+    const int n = arm.size();
+    const Dynamics dynamics = arm.calcDynamics(arm.start);
+    const JointVector& torque = dynamics.gravity;
+    const auto play = [&](bool hasBegun, bool disturbed) {
+        const auto filter = make();
+        FilterDecision decision;
+        decision.value.setConstant(n, 123.25);
+        if (hasBegun) filter->filter({arm.start, torque, dynamics}, decision);
+        const JointVector before = decision.value;
+        const bool hadStops = decision.hasStops;
+        const auto expectRefused = [&](const MotionState& s, const JointVector& tau, const Dynamics& d,
+                                       FilterStatus status = FilterStatus::InvalidInput) {
+            EXPECT_EQ(filter->filter({s, tau, d}, decision), status);
+            EXPECT_EQ(decision.value, before);
+            EXPECT_EQ(decision.hasStops, hadStops);
+        };
+        if (disturbed) {
+            for (const double bad : {kNan, kInfinity, -kInfinity}) {
+                JointVector badTorque = torque;
+                badTorque[n / 2] = bad;
+                expectRefused(arm.start, badTorque, dynamics);
+                expectRefused(arm.start, JointVector::Constant(n, bad), dynamics);
+                for (JointVector MotionState::*part : {&MotionState::q, &MotionState::qd, &MotionState::qdd}) {
+                    MotionState badState = arm.start;
+                    (badState.*part)[n - 1] = bad;
+                    expectRefused(badState, torque, dynamics);
+                }
+                Dynamics broken = dynamics;
+                broken.M(n / 3, n / 4) = bad;
+                expectRefused(arm.start, torque, broken);
+            }
+            for (const int size : {0, n - 1, n + 1}) expectRefused(arm.start, JointVector::Zero(size), dynamics);
+            Dynamics indefinite = dynamics;
+            indefinite.M *= -1.0;
+            expectRefused(arm.start, torque, indefinite, FilterStatus::Faulted);
+        }
+        EXPECT_LE(filter->filter({arm.start, torque + JointVector::Constant(n, 0.01), dynamics}, decision),
+                  FilterStatus::Infeasible);
+        return decision.value;
+    };
+    for (const bool hasBegun : {false, true}) EXPECT_EQ(play(hasBegun, true), play(hasBegun, false));
 }
 
 }  // namespace viable

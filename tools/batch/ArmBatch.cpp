@@ -1,14 +1,7 @@
 #include "batch/ArmBatch.h"
 
-#include <algorithm>
-#include <array>
-#include <atomic>
-#include <cfenv>
-#include <cmath>
-#include <exception>
 #include <system_error>
 #include <thread>
-#include <utility>
 
 #include "config/Draws.h"
 #include "core/ErrorParts.h"
@@ -23,7 +16,6 @@
 #include "robot/ArmRecursion.h"
 #include "tracking/ToolFollower.h"
 #include "viable/braking/Servo.h"
-#include "viable/core/Numbers.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/plugin/RealPlant.h"

@@ -1,14 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
-#include <map>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "viable/core/Error.h"
 #include "viable/core/JointLimits.h"
 #include "viable/environment/Environment.h"
 #include "viable/filter/CertifiedBrakingFilter.h"

@@ -1,10 +1,4 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <exception>
-#include <memory>
-#include <nlohmann/json.hpp>
 
 #include "Commands.h"
 #include "ExperimentArguments.h"

@@ -6,11 +6,8 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <exception>
-#include <new>
 
 #include "StopSignals.h"
 #include "core/ChildProcess.h"
@@ -81,18 +78,21 @@ bool isOwner() {
     return getpid() == owner;
 }
 
+template <class First, class Second, class... More>
+void say(First first, Second second, More... more) {
+    say(first);
+    say(second);
+    (say(more), ...);
+}
+
 /** "viable: the filter plugin 'x' (/path/x.so) <what> in its tick 12" */
 void sayWho(const PluginWatch& watch, const char* what, std::int64_t tick) {
     if (!sink) say("\nviable: ");
-    say(watch.title.c_str());
-    say(what);
-    if (tick < 0) {
-        say(" ");
-        say(nameCall(tick));
-    } else {
-        say(" in tick ");
-        say(tick);
-    }
+    say(watch.title.c_str(), what);
+    if (tick < 0)
+        say(" ", nameCall(tick));
+    else
+        say(" in tick ", tick);
 }
 
 /** False: another thread, or this one, does so already. */
@@ -128,21 +128,12 @@ const PluginWatch* findCulprit(std::int64_t& tick) {
     if (*runFolder) unlink(runClaim);
     if (*runFolder && rmdir(runFolder) == 0) *runFolder = '\0';  // nothing was written yet
     if (*runFolder && whole && pluginsRun == PluginsRun::NoMore) {
-        say("The logs in ");
-        say(runFolder);
-        say(" are complete. `viable report ");
-        say(runFolder);
-        say("` shows them. ");
+        say("The logs in ", runFolder, " are complete. `viable report ", runFolder, "` shows them. ");
     } else if (*runFolder && whole) {
-        say("The logs in ");
-        say(runFolder);
-        say(" end there and are complete; there is no summary. `viable report ");
-        say(runFolder);
-        say("` shows them. ");
+        say("The logs in ", runFolder, " end there and are complete; there is no summary. `viable report ", runFolder,
+            "` shows them. ");
     } else if (*runFolder) {
-        say("Not every log in ");
-        say(runFolder);
-        say(" could be finished; `viable recover LOG` saves them. ");
+        say("Not every log in ", runFolder, " could be finished; `viable recover LOG` saves them. ");
     }
     if (pluginsRun == PluginsRun::Here)
         say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is braked, and the run "
@@ -152,6 +143,7 @@ const PluginWatch* findCulprit(std::int64_t& tick) {
 }
 
 [[noreturn]] void endAfterPlugin() {
+    say(". ");
     endProgram(static_cast<int>(ErrorKind::PluginFailed));
 }
 
@@ -179,10 +171,7 @@ void sayLibrary(const char* library) {
 
 /** Something failed, and this thread is in no plugin's call. */
 [[noreturn]] void endOutsideOfCalls() {
-    if (const char* const now = stage) {
-        say(" ");
-        say(now);
-    }
+    if (const char* const now = stage) say(" ", now);
     const bool isViables = pluginsRun != PluginsRun::Here || !loadedLibraries().front().load();
     endCode = isViables ? kUnexpected : static_cast<int>(ErrorKind::PluginFailed);
     if (!loadedLibraries().front().load()) {
@@ -192,7 +181,6 @@ void sayLibrary(const char* library) {
     if (const char* const library = findLibraryOnStack()) {
         say(", outside of the calls of plugins, in a thread that runs code of ");
         sayLibrary(library);
-        say(". ");
         endAfterPlugin();
     }
     if (isViables) {
@@ -203,9 +191,9 @@ void sayLibrary(const char* library) {
         endProgram(kUnexpected);
     }
     say(", outside of the calls of plugins. A plugin may have damaged memory before, or a thread of its own has "
-        "failed. ");
+        "failed");
     if (sink) endAfterPlugin();
-    say("Suspects are all that are loaded: ");
+    say(". Suspects are all that are loaded: ");
     const char* separator = "";
     for (const auto& entry : loadedLibraries()) {
         const char* const library = entry.load();
@@ -214,7 +202,6 @@ void sayLibrary(const char* library) {
         sayLibrary(library);
         separator = ", ";
     }
-    say(". ");
     endAfterPlugin();
 }
 
@@ -232,13 +219,8 @@ void onCrash(int signal) {
         sayWho(*watch, " crashed", tick);
     else
         say(sink ? "crashed" : "\nviable: crashed");
-    say(": signal ");
-    say(signal);
-    say(" (");
-    say(name ? name : "unknown");
-    say(")");
+    say(": signal ", signal, " (", name ? name : "unknown", ")");
     if (!watch) endOutsideOfCalls();
-    say(". ");
     endAfterPlugin();
 }
 
@@ -263,7 +245,6 @@ void onTerminate() {
         }
     }
     if (!watch) endOutsideOfCalls();
-    say(". ");
     endAfterPlugin();
 }
 
@@ -275,7 +256,6 @@ void onExit() {
     if (!watch) return;
     claimEnd();
     sayWho(*watch, " called exit()", tick);
-    say(". ");
     endAfterPlugin();
 }
 
@@ -328,7 +308,6 @@ void endWhenMemoryRunsOut() {
             sayWho(*watch, " asked for memory and there was none left,", tick);
         else
             say("memory ran out, outside of the calls of plugins");
-        say(". ");
         endAfterPlugin();
     });
 }
@@ -367,7 +346,6 @@ void HangWatch::look() {
         const std::int64_t tick = slot.tick.load();
         if ((waited > timeout_ || (endRequested_ != 0 && waited > kHang)) && tryClaimEnd()) {
             sayWho(*watch, " has not come back", tick);
-            say(". ");
             endAfterPlugin();
         }
         if (waited < kHang || seen_[i].told) continue;

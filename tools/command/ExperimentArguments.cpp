@@ -5,7 +5,6 @@
 #include "Commands.h"
 #include "config/Draws.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,8 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
-#include <filesystem>
-#include <memory>
 
 #include "Commands.h"
 #include "records/LogExport.h"

@@ -1,6 +1,4 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
-#include <memory>
 
 #include "Commands.h"
 #include "core/Text.h"

@@ -2,15 +2,6 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <atomic>
-#include <chrono>
-#include <cmath>
-#include <cstdio>
-#include <limits>
-#include <memory>
-#include <nlohmann/json.hpp>
-#include <optional>
-#include <thread>
 
 #include "Commands.h"
 #include "CrashHandler.h"

@@ -1,12 +1,9 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdio>
-#include <memory>
 
 #include "Commands.h"
 #include "NewRobot.h"
 #include "Scaffold.h"
-#include "core/Text.h"
 #include "host/PluginLoader.h"
 #include "viable/core/Error.h"
 

@@ -3,11 +3,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
-#include <map>
 #include <sstream>
-#include <utility>
 
 #include "Commands.h"
 #include "Scaffold.h"

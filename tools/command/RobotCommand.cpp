@@ -1,8 +1,5 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
-#include <cstdio>
-#include <memory>
-#include <optional>
 
 #include "Commands.h"
 #include "ExperimentArguments.h"

@@ -1,16 +1,6 @@
 #include "RobotServer.h"
 
-#include <time.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <limits>
-#include <utility>
-
 #include "core/Text.h"
-#include "host/PluginCall.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,13 +1,5 @@
 #pragma once
 
-#include <atomic>
-#include <cstdint>
-#include <memory>
-#include <optional>
-#include <random>
-#include <string>
-#include <vector>
-
 #include "experiment/ConfiguredCase.h"
 #include "viable/link/viable_link_linux.h"
 #include "viable/robot/RobotModel.h"

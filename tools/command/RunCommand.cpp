@@ -1,12 +1,5 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <atomic>
-#include <cstdio>
-#include <memory>
-#include <mutex>
-#include <optional>
 #include <system_error>
-#include <thread>
 
 #include "Commands.h"
 #include "CrashHandler.h"

@@ -5,7 +5,6 @@
 
 #include <cerrno>
 #include <csignal>
-#include <cstdio>
 #include <ctime>
 #include <system_error>
 
@@ -13,7 +12,6 @@
 #include "CrashHandler.h"
 #include "core/WholeFile.h"
 #include "report/RunReport.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

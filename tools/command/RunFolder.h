@@ -1,9 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "experiment/ExperimentFile.h"
 #include "summary/CaseResult.h"
 

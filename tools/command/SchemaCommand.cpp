@@ -1,5 +1,4 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
 
 #include "Commands.h"
 #include "experiment/ExperimentSchema.h"

@@ -1,8 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
-#include <cstdio>
-#include <memory>
 
 #include "Commands.h"
 #include "analysis/smoothing/LimitVerdict.h"

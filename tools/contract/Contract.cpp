@@ -2,27 +2,18 @@
 // every plugin beside the program; viable_add_plugin_test() runs it for one plugin of somebody else. A new plugin is
 // tested here without a line of code, unless it has parameters without defaults: see makeRequiredParameters().
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cctype>
 #include <cmath>
-#include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <functional>
-#include <map>
-#include <memory>
 #include <ostream>
 #include <set>
-#include <stdexcept>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "host/PluginLoader.h"
 #include "viable/core/Numbers.h"

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <poll.h>
-#include <sched.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/statvfs.h>
@@ -15,7 +14,6 @@
 #include <cerrno>
 #include <cstring>
 #include <map>
-#include <optional>
 #include <sstream>
 #include <utility>
 
@@ -509,17 +507,7 @@ int tryUdp(std::uint64_t& buffer) {
 }  // namespace
 
 const char* getName(MachineLevel level) {
-    switch (level) {
-        case MachineLevel::Good:
-            return "good";
-        case MachineLevel::Worse:
-            return "worse";
-        case MachineLevel::Missing:
-            return "missing";
-        case MachineLevel::Unknown:
-            break;
-    }
-    return "unknown";
+    return detail::enumName<MachineLevel::Unknown>(level, {"good", "worse", "missing", "unknown"});
 }
 
 SystemAnswers askSystem(int priority) {

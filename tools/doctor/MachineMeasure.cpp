@@ -9,14 +9,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <atomic>
-#include <cerrno>
-#include <cmath>
-#include <csignal>
 #include <cstring>
-#include <system_error>
 
 #include "core/ChildProcess.h"
 #include "realtime/TickPacer.h"

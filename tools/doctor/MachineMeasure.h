@@ -1,9 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <string>
-#include <vector>
-
 #include "realtime/LatencyHistogram.h"
 #include "realtime/RealTimeSetup.h"
 

@@ -1,15 +1,12 @@
 #include "draft/CollisionDraft.h"
 
 #include <Eigen/Eigenvalues>
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "core/Text.h"
 #include "meshes/MeshFile.h"
 #include "robot/PoseSampling.h"
 #include "robot/Segments.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

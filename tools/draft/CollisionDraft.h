@@ -1,8 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <utility>
-
 #include "draft/RobotDraft.h"
 #include "robot/ArmRecursion.h"
 #include "robot/urdf/UrdfReader.h"

@@ -3,14 +3,11 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <utility>
 
 #include "core/Text.h"
 #include "draft/CollisionDraft.h"
 #include "draft/RobotAssumptions.h"
 #include "robot/urdf/UrdfChecks.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

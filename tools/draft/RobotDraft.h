@@ -1,9 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "robot/urdf/UrdfRepair.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotDescription.h"

@@ -1,13 +1,7 @@
 #pragma once
 
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "experiment/CasePlan.h"
 #include "experiment/ExperimentKeys.h"
-#include "simulation/CommandStream.h"
 
 // The blocks of a case, each with a reader, and a writer of what its resolved file says in its place. A reader throws
 // Error (BadInput) for what is wrong in its block; what two blocks make of each other is judged in CaseChecks.

@@ -8,7 +8,6 @@
 #include "experiment/ResolvedNodes.h"
 #include "robot/RobotKey.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

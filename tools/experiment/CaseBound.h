@@ -1,7 +1,5 @@
 #pragma once
 
-#include <optional>
-
 #include "experiment/CasePlan.h"
 #include "tracking/TrackingBound.h"
 #include "viable/plugin/RobustLoop.h"

@@ -4,7 +4,6 @@
 
 #include "core/Text.h"
 #include "experiment/CaseBlocks.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -1,11 +1,6 @@
 #include "experiment/CaseForecast.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
-#include <cmath>
-#include <map>
-#include <memory>
-#include <utility>
 
 #include "core/Text.h"
 #include "environment/ArmClearances.h"
@@ -15,8 +10,6 @@
 #include "host/WatchedLimit.h"
 #include "plugin/RehearsedCommand.h"
 #include "robot/PoseSampling.h"
-#include "viable/core/Numbers.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 

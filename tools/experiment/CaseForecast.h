@@ -1,9 +1,5 @@
 #pragma once
 
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "experiment/ConfiguredCase.h"
 #include "loop/Authority.h"
 

@@ -1,10 +1,6 @@
 #pragma once
 
-#include <filesystem>
-#include <optional>
 #include <set>
-#include <string>
-#include <vector>
 
 #include "host/PluginLoader.h"
 #include "viable/config/ConfigNode.h"

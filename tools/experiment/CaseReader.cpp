@@ -1,7 +1,5 @@
 #include "experiment/CaseReader.h"
 
-#include <algorithm>
-
 #include "config/ConfigText.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseChecks.h"

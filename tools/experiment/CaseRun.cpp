@@ -1,10 +1,5 @@
 #include "experiment/CaseRun.h"
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-#include <thread>
-
 namespace viable {
 
 namespace {

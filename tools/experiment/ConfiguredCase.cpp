@@ -1,7 +1,5 @@
 #include "experiment/ConfiguredCase.h"
 
-#include <algorithm>
-
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseBound.h"
@@ -12,7 +10,6 @@
 #include "host/WatchedLimit.h"
 #include "limits/LimitRows.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Error.h"
 #include "viable/simulation/ArmHardware.h"
 
 namespace viable {

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <memory>
-#include <optional>
-#include <vector>
-
 #include "experiment/CasePlan.h"
 #include "loop/ControlLoop.h"
 #include "tracking/TrackingBound.h"

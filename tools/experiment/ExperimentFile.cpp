@@ -7,7 +7,6 @@
 #include "core/Text.h"
 #include "experiment/CaseReader.h"
 #include "experiment/ExperimentKeys.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,9 +1,5 @@
 #include "experiment/ExperimentKeys.h"
 
-#include <map>
-
-#include "viable/core/Error.h"
-
 namespace viable::detail {
 
 namespace {

@@ -1,11 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "environment/EnvironmentSettings.h"
 #include "simulation/CommandStream.h"
 #include "tracking/TrackingBound.h"

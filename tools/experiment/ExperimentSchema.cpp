@@ -1,7 +1,6 @@
 #include "experiment/ExperimentSchema.h"
 
 #include <algorithm>
-#include <map>
 
 #include "config/ParameterJson.h"
 #include "experiment/ExperimentKeys.h"

@@ -1,9 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <set>
-#include <string>
-#include <vector>
 
 #include "core/ErrorList.h"
 #include "viable/config/ConfigNode.h"

@@ -1,16 +1,9 @@
 #include "experiment/NominalLoop.h"
 
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "summary/Summary.h"
-#include "viable/braking/DesiredJerk.h"
-#include "viable/core/Numbers.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable::detail {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <optional>
-
 #include "experiment/ConfiguredCase.h"
 
 namespace viable::detail {

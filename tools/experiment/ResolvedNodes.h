@@ -1,9 +1,5 @@
 #pragma once
 
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "viable/config/ConfigNode.h"
 #include "viable/core/JointLimits.h"
 

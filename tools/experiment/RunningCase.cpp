@@ -2,10 +2,7 @@
 
 #include <unistd.h>
 
-#include <algorithm>
-#include <cmath>
 #include <fstream>
-#include <string_view>
 
 #include "core/Text.h"
 #include "environment/OccupancyMap.h"
@@ -13,7 +10,6 @@
 #include "host/PythonClass.h"
 #include "host/WatchedLimit.h"
 #include "log/LogMetadata.h"
-#include "log/Recorder.h"
 #include "robot/ArmRecursion.h"
 #include "viable/braking/Braking.h"
 

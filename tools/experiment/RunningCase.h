@@ -1,11 +1,5 @@
 #pragma once
 
-#include <chrono>
-#include <limits>
-#include <memory>
-#include <optional>
-#include <vector>
-
 #include "experiment/ConfiguredCase.h"
 #include "log/LogSeries.h"
 #include "log/Recorder.h"

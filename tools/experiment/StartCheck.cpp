@@ -6,7 +6,6 @@
 #include "loop/PathExtent.h"
 #include "loop/StopMonitor.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <exception>
-#include <string>
-
 #include "host/PluginCall.h"
 #include "viable/core/Error.h"
 

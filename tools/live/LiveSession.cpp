@@ -3,12 +3,9 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include <algorithm>
-#include <cmath>
-
+#include "core/Text.h"
 #include "plugin/RehearsedCommand.h"
 #include "realtime/TickPacer.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -40,35 +37,12 @@ bool keepsClear(SurroundingsFeed* feed) {
 }  // namespace
 
 const char* getName(LiveState state) {
-    switch (state) {
-        case LiveState::Armed:
-            return "armed";
-        case LiveState::Running:
-            return "running";
-        case LiveState::Stopping:
-            return "stopping";
-        case LiveState::Stopped:
-            break;
-    }
-    return "stopped";
+    return detail::enumName<LiveState::Stopped>(state, {"armed", "running", "stopping", "stopped"}, "stopped");
 }
 
 const char* getName(LiveAsker asker) {
-    switch (asker) {
-        case LiveAsker::Program:
-            return "program";
-        case LiveAsker::Key:
-            return "key";
-        case LiveAsker::Page:
-            return "page";
-        case LiveAsker::Signal:
-            return "signal";
-        case LiveAsker::Duration:
-            return "duration";
-        case LiveAsker::Fault:
-            break;
-    }
-    return "fault";
+    return detail::enumName<LiveAsker::Fault>(asker, {"program", "key", "page", "signal", "duration", "fault"},
+                                              "fault");
 }
 
 void LiveSession::rehearse(const CasePlan& plan, int ticks) {

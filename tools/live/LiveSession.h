@@ -1,15 +1,5 @@
 #pragma once
 
-#include <array>
-#include <atomic>
-#include <exception>
-#include <functional>
-#include <limits>
-#include <memory>
-#include <string>
-#include <thread>
-#include <vector>
-
 #include "core/LatestValue.h"
 #include "experiment/RunningCase.h"
 #include "live/PlacedObstacles.h"

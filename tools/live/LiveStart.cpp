@@ -1,8 +1,5 @@
 #include "live/LiveStart.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "core/Text.h"
 #include "experiment/ConfiguredCase.h"
 #include "host/PluginCall.h"

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "experiment/CasePlan.h"
 
 namespace viable {

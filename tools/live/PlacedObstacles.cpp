@@ -1,12 +1,9 @@
 #include "live/PlacedObstacles.h"
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "environment/ArmSurroundings.h"
 #include "log/Recorder.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

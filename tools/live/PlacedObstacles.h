@@ -1,11 +1,6 @@
 #pragma once
 
-#include <array>
-#include <memory>
 #include <mutex>
-#include <optional>
-#include <string>
-#include <vector>
 
 #include "experiment/ConfiguredCase.h"
 #include "viable/environment/Surroundings.h"

@@ -1,10 +1,6 @@
 #include "live/Replay.h"
 
-#include <cmath>
 #include <cstring>
-#include <deque>
-#include <memory>
-#include <optional>
 
 #include "core/Text.h"
 #include "experiment/ExperimentFile.h"
@@ -12,7 +8,6 @@
 #include "live/PlacedObstacles.h"
 #include "log/LogSeries.h"
 #include "records/LogReader.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <filesystem>
-#include <string>
 
 #include "robot/LinkShapes.h"
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "robot/LinkShapes.h"
 #include "viable/robot/RobotDescription.h"
 

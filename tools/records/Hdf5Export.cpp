@@ -1,10 +1,6 @@
-#include <hdf5.h>
 
 #include <algorithm>
-#include <memory>
 #include <set>
-#include <string>
-#include <vector>
 
 #include "core/WholeFile.h"
 #include "records/Hdf5ExportDriver.h"

@@ -1,8 +1,6 @@
 #include "records/LogExport.h"
 
 #include <charconv>
-#include <string>
-#include <string_view>
 
 #include "core/Text.h"
 #include "core/WholeFile.h"

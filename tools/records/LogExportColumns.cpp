@@ -4,7 +4,6 @@
 
 #include "core/Text.h"
 #include "log/LogMetadata.h"
-#include "viable/limits/ArmLimit.h"
 
 namespace viable::detail {
 

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "records/LogReader.h"
 
 namespace viable::detail {

@@ -1,10 +1,7 @@
 #include "records/LogReader.h"
 
 #include <algorithm>
-#include <deque>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <set>
 
 #include "core/Text.h"
@@ -13,8 +10,6 @@
 #include "log/LogSeries.h"
 #include "log/Mcap.h"
 #include "records/McapFile.h"
-#include "viable/core/Error.h"
-#include "viable/limits/ArmLimit.h"
 
 namespace viable {
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <optional>
 
 #include "core/WholeFile.h"
 #include "log/LogWriter.h"

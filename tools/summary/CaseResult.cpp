@@ -1,9 +1,5 @@
 #include "summary/CaseResult.h"
 
-#include <algorithm>
-
-#include "viable/core/Error.h"
-
 namespace viable {
 
 bool CaseResult::isRealGuaranteeBroken() const {

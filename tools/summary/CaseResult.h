@@ -1,12 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
-#include <map>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "loop/ControlLoop.h"
 #include "summary/LiveTiming.h"
 #include "summary/Summary.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "limits/ArmMotion.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "viable/limits/ArmLimit.h"
 #include "viable/log/TickRecord.h"
 

@@ -1,5 +1,3 @@
-#include <algorithm>
-#include <cmath>
 
 #include "core/Text.h"
 #include "summary/CaseResult.h"

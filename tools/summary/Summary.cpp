@@ -1,11 +1,6 @@
 #include "summary/Summary.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "core/FarthestJoint.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -300,7 +295,7 @@ void Summary::addContact(const TickRecord& record) {
     }
     isTouching_ = now.contacts > 0;
     t.last = now.pressing;
-    if (now.pressing <= t.peak.pressing) return;
+    if (!(now.pressing > t.peak.pressing)) return;
     t.peak = now;
     t.peak_s = record.time_s;
 }

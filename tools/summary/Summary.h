@@ -1,15 +1,6 @@
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cstdint>
 #include <functional>
-#include <limits>
-#include <map>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "realtime/LatencyHistogram.h"
 #include "tracking/TrackingBound.h"

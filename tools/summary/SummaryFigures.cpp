@@ -1,13 +1,6 @@
 #include "summary/SummaryFigures.h"
 
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <map>
 #include <mutex>
-
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

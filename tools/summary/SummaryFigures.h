@@ -1,10 +1,6 @@
 #pragma once
 
-#include <functional>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
 #include "summary/CaseResult.h"
 

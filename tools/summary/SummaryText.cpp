@@ -1,11 +1,5 @@
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <map>
 #include <set>
-#include <string>
 #include <tuple>
-#include <vector>
 
 #include "core/Text.h"
 #include "host/WatchedLimit.h"

@@ -1,5 +1,3 @@
-#include <algorithm>
-#include <set>
 
 #include "core/Sha256.h"
 #include "core/WholeFile.h"

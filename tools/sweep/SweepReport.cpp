@@ -1,5 +1,3 @@
-#include <algorithm>
-#include <map>
 
 #include "core/Text.h"
 #include "core/WholeFile.h"

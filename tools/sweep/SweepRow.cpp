@@ -1,13 +1,10 @@
 #include "sweep/SweepRow.h"
 
-#include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <cstring>
-#include <stdexcept>
 
+#include "core/Text.h"
 #include "summary/SummaryFigures.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -125,23 +122,8 @@ private:
 }  // namespace
 
 const char* getName(SweepStatus status) {
-    switch (status) {
-        case SweepStatus::Ok:
-            return "ok";
-        case SweepStatus::Tripped:
-            return "tripped";
-        case SweepStatus::Stopped:
-            return "stopped";
-        case SweepStatus::GuaranteeBroken:
-            return "guarantee_broken";
-        case SweepStatus::Crashed:
-            return "crashed";
-        case SweepStatus::TimedOut:
-            return "timed_out";
-        case SweepStatus::Failed:
-            return "failed";
-    }
-    return "";
+    return detail::enumName<SweepStatus::Failed>(
+        status, {"ok", "tripped", "stopped", "guarantee_broken", "crashed", "timed_out", "failed"}, "");
 }
 
 SweepStatus getSweepStatus(const CaseResult& result) {

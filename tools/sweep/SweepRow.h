@@ -1,11 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <string>
-#include <variant>
-#include <vector>
-
-#include "experiment/CasePlan.h"
 #include "summary/CaseResult.h"
 
 namespace viable {

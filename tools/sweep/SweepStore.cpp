@@ -10,7 +10,6 @@
 #include <nlohmann/json.hpp>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -25,15 +24,7 @@ constexpr char kSchema[] = "1";
 constexpr int kBusy_ms = 10000;
 
 const char* getName(SweepColumn::Kind kind) {
-    switch (kind) {
-        case SweepColumn::Kind::Status:
-            return "status";
-        case SweepColumn::Kind::Draw:
-            return "draw";
-        case SweepColumn::Kind::Result:
-            return "result";
-    }
-    return "";
+    return detail::enumName<SweepColumn::Kind::Result>(kind, {"status", "draw", "result"}, "");
 }
 
 /** Text columns are TEXT. The rest keeps what it is given: a draw is a number or a word. */

@@ -1,12 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <filesystem>
-#include <memory>
-#include <set>
-#include <string>
-#include <vector>
-
 #include "experiment/ExperimentFile.h"
 #include "sweep/SweepRow.h"
 

@@ -1,8 +1,5 @@
 #include "braking/AxisServo.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "braking/GridPhases.h"
 #include "braking/JerkBounds.h"
 #include "braking/ShortestStop.h"

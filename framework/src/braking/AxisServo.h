@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstdint>
-
 #include "braking/BrakingCertificate.h"
 
 namespace viable {

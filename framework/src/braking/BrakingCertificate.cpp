@@ -1,9 +1,5 @@
 #include "braking/BrakingCertificate.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "braking/GridPhases.h"
 #include "braking/JerkBounds.h"
 #include "braking/ShortestStop.h"

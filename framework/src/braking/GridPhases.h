@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"

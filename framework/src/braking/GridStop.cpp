@@ -1,8 +1,5 @@
 #include "viable/braking/GridStop.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "braking/GridPhases.h"
 #include "viable/braking/Braking.h"
 

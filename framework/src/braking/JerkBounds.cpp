@@ -1,8 +1,6 @@
 #include "braking/JerkBounds.h"
 
-#include <array>
 #include <cmath>
-#include <limits>
 
 namespace viable::detail {
 

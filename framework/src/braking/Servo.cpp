@@ -1,12 +1,10 @@
 #include "viable/braking/Servo.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "braking/AxisServo.h"
 #include "viable/braking/Braking.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,8 +1,5 @@
 #include "braking/ShortestStop.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "braking/GridPhases.h"
 
 namespace viable::detail {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cstdint>
 
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"

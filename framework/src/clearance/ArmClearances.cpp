@@ -1,8 +1,6 @@
 #include "environment/ArmClearances.h"
 
-#include <array>
 #include <cmath>
-#include <limits>
 #include <tuple>
 
 #include "clearance/ElementDistance.h"

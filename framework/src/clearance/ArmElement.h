@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "viable/robot/ArmGeometry.h"
 
 namespace viable::detail {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <array>
-
 #include "viable/braking/GridStop.h"
 #include "viable/core/JointTypes.h"
 

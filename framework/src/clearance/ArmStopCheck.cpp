@@ -1,9 +1,6 @@
 #include "clearance/ArmStopCheck.h"
 
-#include <algorithm>
 #include <numeric>
-
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

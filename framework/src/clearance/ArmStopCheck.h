@@ -1,9 +1,5 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <vector>
-
 #include "clearance/ArmPath.h"
 #include "clearance/Bisection.h"
 #include "clearance/ElementDistance.h"

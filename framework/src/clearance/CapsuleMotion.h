@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "clearance/ArmPath.h"
 #include "robot/ArmRecursion.h"
 #include "viable/robot/ArmGeometry.h"

@@ -1,7 +1,5 @@
 #include "clearance/CapsuleSpeeds.h"
 
-#include <utility>
-
 namespace viable::detail {
 
 namespace {

@@ -1,11 +1,8 @@
 #include "clearance/ElementDistance.h"
 
-#include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "robot/Segments.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <array>
-#include <limits>
-#include <vector>
-
 #include "clearance/ArmElement.h"
 #include "clearance/CapsuleMotion.h"
 #include "viable/environment/Surroundings.h"

@@ -1,10 +1,5 @@
 #include "clearance/MotionBound.h"
 
-#include <algorithm>
-#include <utility>
-
-#include "viable/core/Numbers.h"
-
 namespace viable::detail {
 
 namespace {

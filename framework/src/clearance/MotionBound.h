@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "clearance/ArmElement.h"
 #include "clearance/Bisection.h"
 #include "clearance/CapsuleMotion.h"

@@ -1,12 +1,10 @@
 #include "clearance/PeopleCheck.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "clearance/ElementDistance.h"
 #include "clearance/SteeringRows.h"
 #include "robot/Segments.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <array>
-#include <limits>
-#include <vector>
-
 #include "clearance/CapsuleSpeeds.h"
 #include "clearance/PeopleWatch.h"
 #include "qp/RowQp.h"

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "viable/environment/People.h"
 #include "viable/plugin/SafetyFilter.h"
 

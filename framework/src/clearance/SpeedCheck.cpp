@@ -1,10 +1,8 @@
 #include "clearance/SpeedCheck.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "clearance/SteeringRows.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <array>
-#include <vector>
-
 #include "clearance/ArmPath.h"
 #include "clearance/CapsuleSpeeds.h"
 #include "qp/RowQp.h"

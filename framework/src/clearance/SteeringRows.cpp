@@ -1,8 +1,6 @@
 #include "clearance/SteeringRows.h"
 
-#include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace viable::detail {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "clearance/ArmElement.h"
 #include "clearance/ElementDistance.h"
 #include "clearance/TorqueScan.h"

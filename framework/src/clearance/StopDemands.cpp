@@ -1,10 +1,5 @@
 #include "clearance/StopDemands.h"
 
-#include <algorithm>
-#include <cmath>
-
-#include "viable/core/Numbers.h"
-
 namespace viable::detail {
 
 namespace {

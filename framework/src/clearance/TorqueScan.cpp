@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "viable/core/Numbers.h"
-
 namespace viable::detail {
 
 namespace {

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-
 #include "clearance/ArmPath.h"
 #include "clearance/TorqueRate.h"
 #include "robot/ArmRecursion.h"

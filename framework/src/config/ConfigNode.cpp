@@ -5,7 +5,6 @@
 #include "config/ConfigText.h"
 #include "core/ErrorList.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

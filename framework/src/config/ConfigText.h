@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "viable/config/ConfigNode.h"
 
 namespace viable::detail {

@@ -2,7 +2,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "config/ConfigText.h"
 #include "core/ErrorList.h"

@@ -7,7 +7,6 @@
 
 #include "config/ConfigText.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,13 +1,10 @@
 #include "config/ParameterJson.h"
 
 #include <charconv>
-#include <cmath>
-#include <limits>
 
 #include "config/ConfigText.h"
 #include "config/ParameterText.h"
 #include "core/JsonNumber.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -5,14 +5,12 @@
 #include <charconv>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <system_error>
 
 #include "config/ConfigText.h"
 #include "config/ParameterText.h"
 #include "core/ErrorList.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -3,9 +3,7 @@
 #include <cstddef>
 #include <exception>
 #include <set>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "viable/core/Error.h"
 

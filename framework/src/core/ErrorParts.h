@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "viable/core/Error.h"
 
 #ifndef __GLIBCXX__

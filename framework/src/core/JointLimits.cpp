@@ -7,8 +7,6 @@
 #include <mutex>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

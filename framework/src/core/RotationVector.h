@@ -1,7 +1,5 @@
 #pragma once
 
-#include "viable/core/JointTypes.h"
-
 namespace viable {
 
 /** The rotation by |r| about r. [rad] */

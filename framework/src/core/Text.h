@@ -13,6 +13,14 @@ std::string makePrintable(std::string text);
 
 namespace detail {
 
+/** The name of an enum's value, of those in the enum's order up to its `last`; `other` for a number that is none. */
+template <auto last, std::size_t n>
+const char* enumName(decltype(last) value, const char* const (&names)[n], const char* other = "unknown") {
+    static_assert(n == static_cast<std::size_t>(last) + 1, "a name for each value");
+    const auto at = static_cast<std::size_t>(value);
+    return at < n ? names[at] : other;
+}
+
 /** As printf does it; up to 511 characters. */
 template <class... Arguments>
 std::string format(const char* pattern, Arguments... arguments) {

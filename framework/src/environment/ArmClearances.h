@@ -1,8 +1,5 @@
 #pragma once
 
-#include <memory>
-#include <vector>
-
 #include "viable/environment/Surroundings.h"
 #include "viable/robot/ArmGeometry.h"
 

@@ -1,7 +1,6 @@
 #include "environment/ArmSurroundings.h"
 
 #include "robot/ArmReach.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,6 +1,5 @@
 #include "viable/environment/People.h"
 
-#include <array>
 #include <cmath>
 
 #include "config/ParameterText.h"

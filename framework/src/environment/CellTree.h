@@ -1,9 +1,6 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <algorithm>
-#include <utility>
-#include <vector>
 
 #include "environment/OccupancyMap.h"
 

@@ -1,10 +1,8 @@
 #include "environment/CollisionChecker.h"
 
 #include <cmath>
-#include <limits>
 
 #include "environment/CellTree.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

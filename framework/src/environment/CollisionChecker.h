@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "viable/environment/Environment.h"
 #include "viable/robot/ArmGeometry.h"
 

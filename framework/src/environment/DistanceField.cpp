@@ -1,13 +1,9 @@
 #include "environment/DistanceField.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
-#include <utility>
 
 #include "core/Text.h"
 #include "environment/CellTree.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

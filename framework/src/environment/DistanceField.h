@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <vector>
-
 #include "environment/OccupancyMap.h"
 
 namespace viable {

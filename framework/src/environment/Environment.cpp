@@ -7,7 +7,6 @@
 #include "core/Text.h"
 #include "environment/EnvironmentSettings.h"
 #include "environment/WaypointPath.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

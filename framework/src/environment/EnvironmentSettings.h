@@ -1,10 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "viable/config/Settings.h"
 #include "viable/environment/Environment.h"
 

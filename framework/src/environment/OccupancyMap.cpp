@@ -6,15 +6,12 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <functional>
 #include <istream>
 #include <streambuf>
-#include <string_view>
 
 #include "config/ConfigText.h"
 #include "core/Sha256.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,11 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <filesystem>
 #include <functional>
-#include <memory>
-#include <string>
 
 #include "viable/environment/Environment.h"
 

@@ -7,7 +7,6 @@
 #include "core/ErrorList.h"
 #include "core/Text.h"
 #include "environment/WaypointPath.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,13 +1,11 @@
 #include "viable/environment/Surroundings.h"
 
-#include <algorithm>
 #include <cmath>
 #include <sstream>
 
 #include "core/Memo.h"
 #include "core/Sha256.h"
 #include "environment/DistanceField.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,11 +1,9 @@
 #include "environment/WaypointPath.h"
 
 #include <cmath>
-#include <string>
 
 #include "config/ConfigText.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,7 +1,5 @@
 #include "viable/filter/BrakingPolicyFilter.h"
 
-#include <limits>
-
 namespace viable {
 
 namespace {

@@ -1,7 +1,5 @@
 #include "filter/FilterChain.h"
 
-#include "viable/limits/ArmLimit.h"
-
 namespace viable {
 
 namespace {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "host/PluginCall.h"
 #include "viable/plugin/SafetyFilter.h"
 

@@ -1,9 +1,6 @@
 #include "viable/filter/JerkIntervalFilter.h"
 
 #include <algorithm>
-#include <string>
-
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -2,10 +2,8 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <string>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::detail {

@@ -1,13 +1,8 @@
 #include "filter/WholeArmBrakingFilter.h"
 
-#include <cmath>
-#include <limits>
-#include <optional>
-
 #include "filter/JointBraking.h"
 #include "filter/WholeArmChoice.h"
 #include "robot/PoseSampling.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

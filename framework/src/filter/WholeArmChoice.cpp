@@ -1,17 +1,7 @@
 #include "filter/WholeArmChoice.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <map>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "core/Text.h"
 #include "environment/CollisionChecker.h"
-#include "viable/core/Error.h"
-#include "viable/limits/ArmLimit.h"
 
 namespace viable::detail {
 

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <array>
-#include <string>
-#include <utility>
-
 #include "braking/CertifiedBraking.h"
 #include "clearance/ArmStopCheck.h"
 #include "clearance/PeopleWatch.h"

@@ -1,6 +1,5 @@
 #include "host/PluginCall.h"
 
-#include <cstdio>
 #include <cstring>
 #include <mutex>
 

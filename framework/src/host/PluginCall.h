@@ -1,11 +1,6 @@
 #pragma once
 
-#include <array>
 #include <atomic>
-#include <cstdint>
-#include <stdexcept>
-#include <string>
-#include <utility>
 
 #include "host/PluginLoader.h"
 

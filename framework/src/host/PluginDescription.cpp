@@ -1,7 +1,6 @@
 #include "host/PluginDescription.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "config/ParameterJson.h"
 #include "config/ParameterText.h"

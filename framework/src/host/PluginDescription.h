@@ -1,8 +1,5 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "host/PluginLoader.h"
 
 namespace viable {

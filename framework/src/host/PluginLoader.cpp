@@ -9,23 +9,14 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cctype>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <csignal>
-#include <cstddef>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <fstream>
-#include <map>
-#include <memory>
 #include <mutex>
-#include <optional>
-#include <system_error>
 
 #include "core/ChildProcess.h"
 #include "core/Text.h"
@@ -722,19 +713,7 @@ std::string findLoadChange(const fs::path& library) {
 }
 
 const char* getName(PluginKind kind) {
-    switch (kind) {
-        case PluginKind::CommandSource:
-            return "command";
-        case PluginKind::NominalController:
-            return "controller";
-        case PluginKind::SafetyFilter:
-            return "filter";
-        case PluginKind::RobustLoop:
-            return "robust_loop";
-        case PluginKind::RealPlant:
-            return "plant";
-    }
-    return "unknown";
+    return detail::enumName<PluginKind::RealPlant>(kind, {"command", "controller", "filter", "robust_loop", "plant"});
 }
 
 PluginLoader::PluginLoader(std::vector<fs::path> searchPath, double trial_s)

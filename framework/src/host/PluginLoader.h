@@ -1,11 +1,5 @@
 #pragma once
 
-#include <array>
-#include <filesystem>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 

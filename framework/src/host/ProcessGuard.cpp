@@ -9,7 +9,6 @@
 #include <locale>
 #include <mutex>
 #include <optional>
-#include <system_error>
 
 #include "core/ChildProcess.h"
 #include "core/Text.h"

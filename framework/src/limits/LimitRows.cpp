@@ -1,16 +1,10 @@
 #include "limits/LimitRows.h"
 
-#include <array>
 #include <atomic>
 #include <map>
-#include <memory>
 #include <mutex>
-#include <set>
-#include <utility>
-#include <vector>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "core/Text.h"
 #include "limits/ArmMotion.h"
 #include "limits/LimitRows.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,6 +1,5 @@
 #include "log/LimitKinds.h"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "limits/LimitRows.h"

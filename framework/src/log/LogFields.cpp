@@ -1,43 +1,19 @@
 #include "log/LogFields.h"
 
-#include <limits>
-#include <map>
 #include <mutex>
 
+#include "core/Text.h"
 #include "limits/LimitRows.h"
 
 namespace viable {
 
 const char* getName(Stage stage) {
-    switch (stage) {
-        case Stage::Command:
-            return "command";
-        case Stage::Dynamics:
-            return "dynamics";
-        case Stage::Controller:
-            return "controller";
-        case Stage::Filter:
-            return "filter";
-        case Stage::Robust:
-            return "robust";
-        case Stage::Plant:
-            return "plant";
-        case Stage::Record:
-            return "record";
-    }
-    return "unknown";
+    return detail::enumName<Stage::Record>(
+        stage, {"command", "dynamics", "controller", "filter", "robust", "plant", "record"});
 }
 
 const char* getName(StopVerdict verdict) {
-    switch (verdict) {
-        case StopVerdict::Safe:
-            return "safe";
-        case StopVerdict::Recovering:
-            return "recovering";
-        case StopVerdict::NoStop:
-            return "no_stop";
-    }
-    return "unknown";
+    return detail::enumName<StopVerdict::NoStop>(verdict, {"safe", "recovering", "no_stop"});
 }
 
 double LogField::getNumber(const TickRecord& record, int i) const {

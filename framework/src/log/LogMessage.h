@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cmath>
-#include <string_view>
 
 #include "log/LogFields.h"
 #include "log/Mcap.h"

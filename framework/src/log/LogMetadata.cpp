@@ -1,10 +1,8 @@
 #include "log/LogMetadata.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "core/JsonNumber.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -2,8 +2,6 @@
 
 #include <map>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "viable/core/JointLimits.h"
 

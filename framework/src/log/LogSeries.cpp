@@ -1,11 +1,8 @@
 #include "log/LogSeries.h"
 
 #include <charconv>
-#include <map>
 #include <numeric>
 #include <system_error>
-
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -6,8 +6,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <system_error>
@@ -16,7 +14,6 @@
 #include "log/LimitKinds.h"
 #include "log/LogMessage.h"
 #include "log/Mcap.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

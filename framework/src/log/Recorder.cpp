@@ -5,8 +5,6 @@
 #include <chrono>
 #include <ctime>
 
-#include "viable/core/Error.h"
-
 namespace viable {
 
 namespace {

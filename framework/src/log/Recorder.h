@@ -1,10 +1,8 @@
 #pragma once
 
 #include <atomic>
-#include <memory>
 #include <mutex>
 #include <thread>
-#include <vector>
 
 #include "log/LogWriter.h"
 

@@ -166,7 +166,7 @@ private:
     JointState plausible_;  // what the robust loop gets of real_
     std::array<bool, kMaxJoints> isPlausible_{};
     SensorCheck sensors_;
-    bool hasReading_ = false;     // one has been looked at since reset()
+    bool hasReading_ = false;  // one has been looked at since reset()
     ContactReport contact_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     int missingExternalTorques_ = 0;

@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "core/LatestValue.h"
+#include "core/Text.h"
 
 namespace viable {
 
@@ -15,35 +16,12 @@ double readSteadyClock() {
 }  // namespace
 
 const char* getName(HandState state) {
-    switch (state) {
-        case HandState::Released:
-            return "released";
-        case HandState::Engaged:
-            return "engaged";
-        case HandState::Held:
-            return "held";
-        case HandState::Refused:
-            break;
-    }
-    return "refused";
+    return detail::enumName<HandState::Refused>(state, {"released", "engaged", "held", "refused"}, "refused");
 }
 
 const char* getName(HandRefusal refusal) {
-    switch (refusal) {
-        case HandRefusal::NotFinite:
-            return "not_finite";
-        case HandRefusal::NotTracked:
-            return "not_tracked";
-        case HandRefusal::Jump:
-            return "jump";
-        case HandRefusal::Silent:
-            return "silent";
-        case HandRefusal::Paused:
-            return "paused";
-        case HandRefusal::None:
-            break;
-    }
-    return "none";
+    return detail::enumName<HandRefusal::Paused>(
+        refusal, {"none", "not_finite", "not_tracked", "jump", "silent", "paused"}, "none");
 }
 
 struct TeleoperationFeed::Impl {

@@ -1,7 +1,6 @@
 #include "viable/qp/BoxQp.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "qp/QpBounds.h"

@@ -1,13 +1,10 @@
 #include "qp/RowQp.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <type_traits>
 #include <utility>
 
 #include "qp/QpBounds.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

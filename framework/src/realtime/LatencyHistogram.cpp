@@ -1,7 +1,5 @@
 #include "realtime/LatencyHistogram.h"
 
-#include <algorithm>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace viable {

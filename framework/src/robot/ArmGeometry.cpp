@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "robot/CollisionFile.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

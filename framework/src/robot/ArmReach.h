@@ -1,7 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
-
 #include "viable/robot/ArmGeometry.h"
 
 namespace viable {

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "robot/RigidBody.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

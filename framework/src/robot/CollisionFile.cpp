@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "viable/config/Settings.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

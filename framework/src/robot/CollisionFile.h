@@ -1,10 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "robot/urdf/UrdfReader.h"
 
 namespace viable::detail {

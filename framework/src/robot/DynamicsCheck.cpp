@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 
 #include "core/Text.h"
 #include "robot/PoseSampling.h"
 #include "robot/SimbodyModel.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "robot/ArmRecursion.h"
 
 namespace viable::detail {

@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "core/ErrorList.h"
 #include "core/Text.h"
@@ -12,8 +11,6 @@
 #include "robot/RigidBody.h"
 #include "robot/urdf/UrdfReader.h"
 #include "viable/config/Settings.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,11 +1,7 @@
 #include "viable/robot/RobotModel.h"
 
-#include <utility>
-
 #include "robot/ArmRecursion.h"
 #include "robot/SimbodyModel.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -4,8 +4,6 @@
 
 #include "robot/RigidBody.h"
 #include "robot/SimbodyHeaders.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,10 +1,6 @@
 #include "viable/robot/SpeedLimits.h"
 
-#include <cmath>
-#include <utility>
-
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -5,7 +5,6 @@
 
 #include "core/Text.h"
 #include "robot/ArmRecursion.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

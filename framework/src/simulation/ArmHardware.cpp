@@ -5,7 +5,6 @@
 
 #include "robot/InertiaModes.h"
 #include "robot/PoseSampling.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

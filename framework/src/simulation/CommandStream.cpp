@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "viable/core/Numbers.h"
-
 namespace viable {
 
 namespace {

@@ -1,15 +1,9 @@
 #include "tracking/ArmExtremes.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
-#include <memory>
-#include <optional>
 
 #include "core/Text.h"
 #include "robot/InertiaModes.h"
-#include "robot/PoseSampling.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::detail {

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <string>
-#include <vector>
-
 #include "tracking/InertiaSample.h"
 #include "tracking/PoseTorques.h"
 #include "tracking/TrackingBound.h"

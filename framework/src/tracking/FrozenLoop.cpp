@@ -7,8 +7,6 @@
 #include <cmath>
 #include <utility>
 
-#include "viable/core/Numbers.h"
-
 namespace viable::detail {
 
 namespace {

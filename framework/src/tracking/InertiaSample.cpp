@@ -1,11 +1,8 @@
 #include "tracking/InertiaSample.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
-#include <utility>
 
 #include "core/Text.h"
 #include "robot/InertiaModes.h"

@@ -1,8 +1,6 @@
 #pragma once
 
 #include <complex>
-#include <string>
-#include <vector>
 
 #include "robot/PoseSampling.h"
 #include "viable/plugin/RobustLoop.h"

@@ -2,14 +2,11 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <complex>
 
 #include "core/Text.h"
 #include "tracking/FrozenLoop.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -2,14 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <string>
-#include <vector>
 
 #include "core/Text.h"
 #include "robot/ArmRecursion.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Error.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {

@@ -1,8 +1,6 @@
 #include "tracking/ToolFollower.h"
 
-#include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "viable/braking/Braking.h"
 

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <memory>
-
 #include "tracking/ToolReference.h"
 #include "viable/braking/Servo.h"
 

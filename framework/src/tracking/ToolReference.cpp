@@ -1,9 +1,6 @@
 #include "tracking/ToolReference.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
-#include <cmath>
-#include <utility>
 
 #include "clearance/Bisection.h"
 #include "core/RotationVector.h"

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "viable/core/JointLimits.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/qp/BoxQp.h"

@@ -1,14 +1,10 @@
 #include "tracking/TrackingBound.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdio>
 
 #include "core/Text.h"
 #include "tracking/ArmExtremes.h"
 #include "tracking/FrozenLoop.h"
-#include "viable/core/Error.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {

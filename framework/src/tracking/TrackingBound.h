@@ -1,8 +1,5 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "viable/core/JointTypes.h"
 #include "viable/robot/RobotDescription.h"
 #include "viable/tracking/Nric.h"

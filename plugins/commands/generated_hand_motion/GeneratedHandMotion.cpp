@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <random>
 
 #include "core/MinimumJerk.h"
 #include "core/RotationVector.h"
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "core/MinimumJerk.h"
 #include "core/RotationVector.h"
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -2,10 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
 
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <vector>
-
 #include "viable/plugin/CommandSource.h"
 
 namespace viable {

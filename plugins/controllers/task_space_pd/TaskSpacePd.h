@@ -1,7 +1,5 @@
 #pragma once
 
-#include <optional>
-
 #include "viable/plugin/NominalController.h"
 
 namespace viable {

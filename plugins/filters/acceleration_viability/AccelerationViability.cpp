@@ -1,8 +1,5 @@
 #include "AccelerationViability.h"
 
-#include <cmath>
-
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

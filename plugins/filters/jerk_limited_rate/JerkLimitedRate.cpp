@@ -1,6 +1,5 @@
 #include "JerkLimitedRate.h"
 
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

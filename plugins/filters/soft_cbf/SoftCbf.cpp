@@ -1,7 +1,6 @@
 #include "SoftCbf.h"
 
 #include <Eigen/Cholesky>
-#include <cmath>
 
 #include "viable/plugin/PluginExport.h"
 

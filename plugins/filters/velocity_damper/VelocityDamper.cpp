@@ -1,10 +1,6 @@
 #include "VelocityDamper.h"
 
-#include <string>
-
 #include "viable/braking/Braking.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

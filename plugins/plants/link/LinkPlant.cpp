@@ -2,10 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
-#include "viable/core/Error.h"
-#include "viable/core/JointTypes.h"
 #include "viable/plugin/HostServices.h"
 #include "viable/plugin/PluginExport.h"
 

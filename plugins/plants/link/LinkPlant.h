@@ -1,9 +1,6 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
-#include <memory>
-#include <string>
 
 #include "viable/link/viable_link_linux.h"
 #include "viable/plugin/RealPlant.h"

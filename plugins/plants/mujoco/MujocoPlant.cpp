@@ -352,6 +352,7 @@ void MujocoPlant::reportContacts() {
     report_ = {};
     for (int i = 0; i < d.ncon; ++i) {
         const mjContact& contact = d.contact[i];
+        if (!(contact.dist < 0.0)) continue;
         mjtNum force[6];
         mj_contactForce(&mujoco_->model(), &d, i, force);
         const Touch touch = readTouch(contact);
@@ -421,7 +422,7 @@ TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied)
     }
     const JointState next = readState();
     int& withoutRoom = d.warning[mjWARN_CONTACTFULL].number;
-    if (!isFinite(next, n_) || std::exchange(withoutRoom, 0) > 0) return TickStatus::Faulted;
+    if (std::exchange(withoutRoom, 0) > 0 || !isFinite(next, n_)) return TickStatus::Faulted;
     actual_ = next;
     load_ = nextLoad_;
     time_s_ = time_s;

@@ -65,10 +65,12 @@ void SimbodyPlant::configure(const RunSetup& setup, const Parameters& parameters
     const auto options = parameters.get<SimbodyPlantOptions>();
     hardware_.configure(setup, options.hardware, parameters);
     motorRate_.configure(setup, options.motorRate, options.hardware.torqueLimitFactor);
-    contact_.configure(setup, hardware_.robot(), options.hardware.substeps, options.contact, parameters);
     halfGap_ = 0.5 * options.backlash.expand(n_);
     stiffness_ = options.gearStiffness.expand(n_);
     hasGears_ = halfGap_.maxCoeff() > 0.0;
+    RobotDescription touching = hardware_.robot();
+    if (hasGears_) touching.actuation.rotorInertia.setZero(n_);  // behind the gears
+    contact_.configure(setup, touching, options.hardware.substeps, options.contact, parameters);
     engine_ = options.isRecursive ? DynamicsEngine::Recursion : DynamicsEngine::Simbody;
     if (hasGears_)
         configureGears(setup, parameters);

@@ -29,7 +29,7 @@ d: how far the rotor is beyond the half gap; the gear pushes and never pulls. Th
 w. Without backlash the gears are rigid and none of this is calculated.
 Order: 4 without friction, 1 in the friction torque, 1 where a gap closes or opens. Stable for any friction.
 Not modelled: motor dynamics, mechanical end stops.
-Real time: no allocation, lock or throw after configure(). */
+Real time: no lock or throw after configure(), and no allocation unless a map is touched. */
 class SimbodyPlant : public RealPlant {
 public:
     /** Throws Error (BadInput) also for backlash with sub-steps too long for its springs, or without rotor inertia. */

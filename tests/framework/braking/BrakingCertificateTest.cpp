@@ -8,7 +8,6 @@
 #include <random>
 
 #include "viable/braking/Braking.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

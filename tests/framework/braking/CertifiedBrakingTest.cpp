@@ -2,7 +2,6 @@
 
 #include "Joints.h"
 #include "TestArm.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::test {
 namespace {

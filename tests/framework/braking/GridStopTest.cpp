@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <vector>
-
 #include "MotionTestSupport.h"
 #include "viable/braking/Braking.h"
 

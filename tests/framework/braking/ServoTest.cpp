@@ -3,13 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <random>
-#include <vector>
 
 #include "Effort.h"
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"
-#include "viable/core/JointTypes.h"
-#include "viable/core/Numbers.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable::test {

@@ -10,7 +10,6 @@
 #include "SlidingArm.h"
 #include "environment/ArmSurroundings.h"
 #include "robot/ArmRecursion.h"
-#include "viable/core/Numbers.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

@@ -8,7 +8,6 @@
 #include "DrawnPath.h"
 #include "SlidingArm.h"
 #include "environment/CollisionChecker.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

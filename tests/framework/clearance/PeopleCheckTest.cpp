@@ -7,7 +7,6 @@
 #include "DrawnPath.h"
 #include "SlidingArm.h"
 #include "limits/SeparationLimit.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -7,7 +7,6 @@
 #include "DrawnPath.h"
 #include "SlidingArm.h"
 #include "robot/ArmRecursion.h"
-#include "viable/loop/NominalPlant.h"
 
 namespace viable {
 namespace {

@@ -1,15 +1,12 @@
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <functional>
-#include <utility>
 
 #include "Complaint.h"
 #include "ExpectContains.h"
 #include "TemporaryFolder.h"
 #include "viable/config/ConfigNode.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,8 +1,6 @@
 #include <cmath>
-#include <cstdint>
 
 #include "ConfigTestSupport.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

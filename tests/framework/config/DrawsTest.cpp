@@ -1,7 +1,5 @@
 #include "config/Draws.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -9,8 +7,6 @@
 #include <numeric>
 
 #include "Complaint.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

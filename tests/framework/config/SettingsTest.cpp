@@ -1,18 +1,9 @@
 #include "ExpectContains.h"
-#include "viable/config/Settings.h"
-#include "viable/core/Numbers.h"
-
-#include <functional>
-#include <limits>
-#include <map>
-#include <nlohmann/json.hpp>
-#include <optional>
 
 #include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "config/ParameterJson.h"
 #include "host/PluginDescription.h"
-#include "viable/core/Error.h"
 
 namespace viable::test {
 namespace {

@@ -1,11 +1,7 @@
 #include "viable/core/JointLimits.h"
 
-#include <limits>
-
 #include "Complaint.h"
 #include "ExpectContains.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::test {
 namespace {

@@ -9,12 +9,9 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <functional>
-#include <optional>
-#include <vector>
 
 #include "TemporaryFolder.h"
 

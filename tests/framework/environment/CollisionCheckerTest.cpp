@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cmath>
-#include <functional>
 
 #include "EnvironmentSupport.h"
 #include "viable/robot/RobotModel.h"

@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cmath>
-#include <limits>
 
 #include "EnvironmentSupport.h"
 #include "viable/testing/AllocationCounter.h"

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <gtest/gtest.h>
 #include <octomap/OcTree.h>
 
 #include <random>
@@ -9,7 +8,6 @@
 #include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "environment/OccupancyMap.h"
-#include "viable/core/Error.h"
 
 namespace viable::test {
 

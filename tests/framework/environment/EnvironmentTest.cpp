@@ -1,4 +1,3 @@
-#include "viable/environment/Environment.h"
 
 #include "EnvironmentSupport.h"
 

@@ -1,7 +1,5 @@
 #include <chrono>
 #include <cmath>
-#include <limits>
-#include <vector>
 
 #include "EnvironmentSupport.h"
 

@@ -1,13 +1,9 @@
-#include "viable/environment/People.h"
 
-#include <atomic>
 #include <cmath>
-#include <limits>
 #include <thread>
 
 #include "Complaint.h"
 #include "ExpectContains.h"
-#include "viable/core/Error.h"
 #include "viable/environment/Environment.h"
 
 namespace viable::test {

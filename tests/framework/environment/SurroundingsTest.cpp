@@ -1,6 +1,5 @@
 #include "viable/environment/Surroundings.h"
 
-#include <atomic>
 #include <cmath>
 #include <thread>
 

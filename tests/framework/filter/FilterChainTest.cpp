@@ -4,7 +4,6 @@
 
 #include <cfenv>
 #include <functional>
-#include <stdexcept>
 
 namespace viable {
 namespace {

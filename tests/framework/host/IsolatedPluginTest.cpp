@@ -10,8 +10,6 @@
 #include <cstdlib>
 #include <thread>
 
-#include "viable/core/Error.h"
-
 namespace viable {
 namespace {
 

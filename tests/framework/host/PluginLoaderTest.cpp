@@ -1,19 +1,13 @@
 #include "Paths.h"
-#include "host/PluginLoader.h"
 
 #include <dlfcn.h>
 #include <elf.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include <algorithm>
 #include <cfenv>
-#include <clocale>
 #include <iterator>
-#include <limits>
 #include <locale>
-#include <map>
-#include <optional>
 #include <typeinfo>
 
 #include "TemporaryFolder.h"

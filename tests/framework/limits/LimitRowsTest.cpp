@@ -1,11 +1,9 @@
-#include <gtest/gtest.h>
 
 #include "Complaint.h"
 #include "ExpectContains.h"
 #include "limits/LimitRows.h"
 #include "log/LimitKinds.h"
 #include "log/LogFields.h"
-#include "viable/limits/ArmLimit.h"
 
 namespace viable::test {
 namespace {

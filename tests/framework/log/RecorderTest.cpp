@@ -3,11 +3,9 @@
 #include <fcntl.h>
 #include <sys/resource.h>
 
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <thread>
 
 #include "LogTestSupport.h"
 #include "viable/testing/AllocationCounter.h"

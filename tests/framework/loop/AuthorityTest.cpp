@@ -1,14 +1,7 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <optional>
-#include <random>
 
 #include "Joints.h"
 #include "TestArm.h"
-#include "loop/Authority.h"
 #include "loop/SensorCheck.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -1,12 +1,6 @@
 // Clocks that jitter, stand or jump, and targets that jump.
 
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <random>
-
 #include "CaseSupport.h"
-#include "viable/core/Numbers.h"
 #include "viable/loop/ReferenceGuard.h"
 #include "viable/loop/TorqueGuard.h"
 #include "viable/testing/TwoLinkArm.h"

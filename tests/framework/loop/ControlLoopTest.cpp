@@ -1,7 +1,3 @@
-#include "loop/ControlLoop.h"
-
-#include <cmath>
-#include <memory>
 
 #include "CaseSupport.h"
 #include "viable/plugin/HostServices.h"

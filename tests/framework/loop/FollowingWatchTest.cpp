@@ -1,14 +1,6 @@
 #include "loop/FollowingWatch.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <deque>
-#include <random>
-
 #include "TestArm.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

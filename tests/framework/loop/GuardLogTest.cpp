@@ -1,7 +1,5 @@
 #include "viable/loop/GuardLog.h"
 
-#include <thread>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "log/LogMetadata.h"

@@ -1,4 +1,3 @@
-#include <cmath>
 
 #include "CaseSupport.h"
 #include "viable/testing/AllocationCounter.h"

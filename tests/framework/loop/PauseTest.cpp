@@ -1,5 +1,3 @@
-#include <cmath>
-#include <random>
 
 #include "CaseSupport.h"
 #include "viable/testing/AllocationCounter.h"

@@ -1,17 +1,9 @@
 #include "Balls.h"
 #include "viable/loop/ReferenceGuard.h"
 
-#include <atomic>
-#include <cmath>
-#include <random>
-#include <thread>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "Joints.h"
-#include "summary/Summary.h"
-#include "viable/core/Numbers.h"
-#include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
 

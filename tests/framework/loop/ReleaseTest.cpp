@@ -1,10 +1,7 @@
 // A robust loop that is given up: its torque goes to zero without a step.
 
-#include <cstdio>
-
 #include "CaseSupport.h"
 #include "Joints.h"
-#include "viable/core/Numbers.h"
 #include "viable/loop/TorqueGuard.h"
 #include "viable/testing/TwoLinkArm.h"
 

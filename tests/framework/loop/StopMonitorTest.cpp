@@ -7,8 +7,6 @@
 #include <iostream>
 #include <random>
 
-#include "viable/core/JointTypes.h"
-#include "viable/core/Numbers.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

@@ -1,15 +1,6 @@
-#include "Paths.h"
-#include "viable/core/Numbers.h"
 #include "viable/loop/TorqueGuard.h"
 
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <cmath>
-#include <fstream>
-#include <random>
 #include <sstream>
-#include <thread>
 
 #include "../../../framework/examples/own_loop/SimulatedRobot.h"
 #include "CaseSupport.h"
@@ -29,6 +20,12 @@ using testing::makeTwoLinkArm;
 
 JointState atHome(const RobotDescription& robot) {
     return {robot.home, JointVector::Zero(robot.size())};
+}
+
+TorqueGuard startAtHome(const RobotDescription& robot, const TorqueGuardOptions& options = {}) {
+    TorqueGuard guard(robot, kTick_s, options);
+    guard.start(atHome(robot));
+    return guard;
 }
 
 /** The nominal arm, as an arm would report it that follows it exactly, `off` away. */
@@ -190,8 +187,7 @@ TEST(TorqueGuard, LimitsHoldForAHundredThousandTicksOfBangBangTorques) {
     const RobotDescription robot = makeTwoLinkArm();
     TorqueGuardOptions options;
     options.limitsAuthority = false;  // the reading does not answer what the robust loop does
-    TorqueGuard guard(robot, kTick_s, options);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot, options);
     BangBang law(2, 300.0, 1);
     LimitKeeper keeper(guard);
     for (int k = 0; k < 100000; ++k) {
@@ -207,8 +203,7 @@ TEST(TorqueGuard, LimitsHoldForAHundredThousandTicksOfBangBangTorques) {
 
 TEST(TorqueGuard, LimitsHoldWithTicksMissedAtRandom) {
     const RobotDescription robot = makeTwoLinkArm();
-    TorqueGuard guard(robot, kTick_s);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot);
     BangBang law(2, 300.0, 2);
     LimitKeeper keeper(guard);
     std::mt19937 random(3);
@@ -291,8 +286,7 @@ TEST(TorqueGuard, AnUnusableTorqueIsReplacedTenTimesThenTheArmStops) {
 
 TEST(TorqueGuard, BeforeTheFirstGoodTorqueGravityIsTaken) {
     const RobotDescription robot = makeTwoLinkArm();
-    TorqueGuard guard(robot, kTick_s);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot);
     JointVector gravity;
     const GuardedTorque& out = guard.step(
         atHome(robot), [&](const MotionState&, const Dynamics& dynamics, JointVector&) { gravity = dynamics.gravity; });
@@ -526,8 +520,7 @@ TEST(TorqueGuard, ARobotThatAddsFrictionIsNotPaidForItTwice) {
     options.largestDeviation = kInfinity;
     options.largestSpeed = kInfinity;
     options.limitsAuthority = false;
-    TorqueGuard guard(robot, kTick_s, options);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot, options);
     JointState far = atHome(robot);
     far.q.array() -= 3.0;
     const GuardedTorque& out = guard.step(far, Spring{robot.home});
@@ -644,8 +637,7 @@ TEST(TorqueGuard, TheRobustLoopStandsStillInMissedTicks) {
     TorqueGuardOptions options;
     options.robustGains = NricOptions{600.0, 20.0, 100.0};
     options.limitsAuthority = false;  // the reading does not answer what the loop does
-    TorqueGuard guard(robot, kTick_s, options);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot, options);
     const Spring spring{robot.home};
     for (int k = 0; k < 50; ++k) guard.step(followExactly(guard, 1e-4 * k), spring);
     const JointVector before = guard.step(followExactly(guard, 0.005), spring).torque;
@@ -660,8 +652,7 @@ TEST(TorqueGuard, TheRobustLoopStandsStillInMissedTicks) {
 TEST(TorqueGuard, MissedTicksNeitherHideAStuckEncoderNorMakeOne) {
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
     for (const bool isStuck : {true, false}) {
-        TorqueGuard guard(robot, kTick_s);
-        guard.start(atHome(robot));
+        TorqueGuard guard = startAtHome(robot);
         Spring spring{robot.home};
         spring.target[0] += 1.0;
         double lag = 0.0;  // of the reading
@@ -696,8 +687,7 @@ TEST(TorqueGuard, WhatIsWithheldIsNotSummedUpHoweverOftenATickIsMissed) {
     for (const int every : {0, 2, 3}) {
         TorqueGuardOptions options;
         options.robustGains = NricOptions{600.0, 20.0, 8.0};
-        TorqueGuard guard(robot, kTick_s, options);
-        guard.start(atHome(robot));
+        TorqueGuard guard = startAtHome(robot, options);
         const Spring spring{robot.home};
         double largest = 0.0;
         for (int k = 0; k < 4500;
@@ -805,8 +795,7 @@ TEST(TorqueGuard, ARobustTorqueBeyondAllArithmeticStopsTheArm) {
     robot.actuation.torqueLimit = joints(kInfinity, kInfinity);
     TorqueGuardOptions options;
     options.largestSpeed = kInfinity;
-    TorqueGuard guard(robot, kTick_s, options);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot, options);
     guard.step(atHome(robot), Spring{robot.home});
     EXPECT_EQ(guard.stopReason(), GuardStop::None);
     const GuardedTorque& out = guard.step({robot.home, joints(1e15, 0.0)}, Spring{robot.home});
@@ -820,8 +809,7 @@ TEST(TorqueGuard, BeyondAllArithmeticTheTorqueGoesToZero) {
     robot.limits = JointLimits::unlimited(2);
     robot.limits.velocity = {joints(-1e7, -1e7), joints(1e7, 1e7)};
     robot.limits.acceleration = robot.limits.jerk = robot.limits.velocity;
-    TorqueGuard guard(robot, kTick_s);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot);
     GuardStatus status = GuardStatus::Passed;
     for (int k = 0; k < 2000 && status != GuardStatus::Failed; ++k) {
         const GuardedTorque& out =
@@ -863,8 +851,7 @@ TEST(TorqueGuard, AStartThatCannotKeepTheLimitsIsRefusedOrLedBack) {
     };
     for (const auto& [start, words] : starts) {
         SCOPED_TRACE(words);
-        TorqueGuard strict(robot, kTick_s);
-        strict.start(atHome(robot));
+        TorqueGuard strict = startAtHome(robot);
         const std::string complaint = catchError([&, &s = start] { strict.start(s); });
         EXPECT_CONTAINS(complaint, words);
         EXPECT_CONTAINS(complaint, "CertifiedBrakingOptions::recovery");
@@ -996,8 +983,7 @@ TEST(TorqueGuard, LimitsOnOneSideOrNoneAreEnoughToBegin) {
     robot.limits.position = {joints(-kInfinity, 20.0), joints(-20.0, kInfinity)};
     robot.allowLargeAngles = true;
     robot.home = joints(-25.0, 25.0);
-    TorqueGuard guard(robot, kTick_s);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot);
     EXPECT_LE(guard.step(followExactly(guard), Spring{robot.home}).status, GuardStatus::Limited);
 }
 
@@ -1009,8 +995,7 @@ TEST(TorqueGuard, MotorsGetNoMoreThanTheyBearWithAndWithoutRobustLoop) {
         robot.actuation.torqueLimit = joints(30.0, 10.0);
         TorqueGuardOptions options;
         if (!isRobust) options.hasRobustLoop = false;
-        TorqueGuard guard(robot, kTick_s, options);
-        guard.start(atHome(robot));
+        TorqueGuard guard = startAtHome(robot, options);
         BangBang law(2, 300.0, 4);
         int saturated = 0, free = 0;
         for (int k = 0; k < 5000; ++k) {
@@ -1031,8 +1016,7 @@ TEST(TorqueGuard, MotorsGetNoMoreThanTheyBearWithAndWithoutRobustLoop) {
 TEST(TorqueGuard, AStepAllocatesNothingWhateverHappens) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
-    TorqueGuard guard(robot, kTick_s);
-    guard.start(atHome(robot));
+    TorqueGuard guard = startAtHome(robot);
     Summary summary(robot.jointNames(), guard.limits(), true);
     const Spring there{robot.home + JointVector::Constant(6, 5.0)}, back{robot.home};
     const JointState none;
@@ -1109,8 +1093,7 @@ TEST(TorqueGuard, AMeasuredPushMovesTheNominalArmWithinItsLimits) {
 TEST(TorqueGuard, AnExternalTorqueOfNoUseMakesTheReadingUseless) {
     const RobotDescription robot = makeTwoLinkArm();
     for (const JointVector& bad : {joints(kNan, 0.0), joints(0.0, 1e300), JointVector(JointVector::Zero(3))}) {
-        TorqueGuard guard(robot, kTick_s);
-        guard.start(atHome(robot));
+        TorqueGuard guard = startAtHome(robot);
         const Spring law{robot.home};
         guard.step(followExactly(guard), joints(5.0, 0.0), law);
         for (int k = 0; k < 10; ++k) {

@@ -1,9 +1,4 @@
 #include "TestArm.h"
-#include "viable/plugin/SafetyFilter.h"
-
-#include <gtest/gtest.h>
-
-#include <random>
 
 namespace viable {
 namespace {

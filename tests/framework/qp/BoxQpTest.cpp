@@ -5,9 +5,6 @@
 
 #include <chrono>
 #include <iostream>
-#include <limits>
-#include <string>
-#include <vector>
 
 #include "MotionTestSupport.h"
 #include "viable/braking/Braking.h"

@@ -4,7 +4,6 @@
 
 #include <chrono>
 #include <iostream>
-#include <string>
 
 #include "LeastDistance.h"
 #include "MotionTestSupport.h"

@@ -8,7 +8,6 @@
 
 #include <atomic>
 #include <cmath>
-#include <cstdint>
 #include <random>
 #include <thread>
 

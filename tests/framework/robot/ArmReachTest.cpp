@@ -1,5 +1,4 @@
 #include "robot/ArmReach.h"
-#include "viable/core/Numbers.h"
 
 #include <gtest/gtest.h>
 

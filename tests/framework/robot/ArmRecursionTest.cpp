@@ -1,9 +1,6 @@
-#include "robot/ArmRecursion.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 
 #include "ExpectContains.h"
 #include "SampleArm.h"

@@ -1,4 +1,3 @@
-#include "Complaint.h"
 #include "RobotFolder.h"
 
 namespace viable {

@@ -1,6 +1,5 @@
 #include <cmath>
 
-#include "Complaint.h"
 #include "Joints.h"
 #include "RobotFolder.h"
 #include "viable/config/Settings.h"

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <functional>
 #include <set>
-#include <vector>
 
 #include "Paths.h"
 

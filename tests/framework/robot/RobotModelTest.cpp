@@ -1,8 +1,6 @@
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <limits>
 #include <tuple>
-#include <vector>
 
 #include "SampleArm.h"
 #include "viable/testing/AllocationCounter.h"

@@ -4,17 +4,12 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <random>
 #include <unsupported/Eigen/MatrixFunctions>
-#include <vector>
 
 #include "Paths.h"
 #include "tracking/FrozenLoop.h"
 #include "tracking/InertiaSample.h"
 #include "tracking/PoseTorques.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

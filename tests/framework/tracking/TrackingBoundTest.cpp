@@ -1,17 +1,11 @@
 #include "Paths.h"
-#include "tracking/TrackingBound.h"
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstdio>
 #include <functional>
-#include <random>
-#include <vector>
 
-#include "robot/PoseSampling.h"
 #include "tracking/ArmExtremes.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

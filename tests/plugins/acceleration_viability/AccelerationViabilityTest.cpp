@@ -2,7 +2,6 @@
 
 #include "ExpectContains.h"
 #include "LawBench.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -205,44 +204,14 @@ TEST_F(AccelerationViabilityTest, UnlimitedAccelerationIsRefused) {
 
 TEST_F(AccelerationViabilityTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
     Bench bench("indy7", kName);
-    TestArm& arm = bench.arm;
-    const auto filter = bench.make();
-    const Dynamics dynamics = arm.calcDynamics(arm.start);
-    const JointVector torque = dynamics.gravity;
-    FilterDecision decision;
-    for (const double bad : {kNan, kInfinity, -kInfinity}) {
-        JointVector badTorque = torque;
-        badTorque[3] = bad;
-        EXPECT_EQ(filter->filter({arm.start, badTorque, dynamics}, decision), FilterStatus::InvalidInput);
-        MotionState badState = arm.start;
-        badState.q[5] = bad;
-        EXPECT_EQ(filter->filter({badState, torque, dynamics}, decision), FilterStatus::InvalidInput);
-    }
-    EXPECT_EQ(filter->filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
-    EXPECT_EQ(decision.value.size(), 0);
+    expectNoTraceOfBadInput(bench.arm, [&] { return bench.make(); });
 }
 
 TEST_F(AccelerationViabilityTest, Fault29HugeAndTinyTorquesKeepTheLimits) {
     Bench bench("indy7", kName);
-    TestArm& arm = bench.arm;
-    const auto filter = bench.make();
-    MotionState state = arm.start;
-    LimitExcess excess;
-    FilterDecision decision;
-    AbsurdTorques torques(arm.size());
-    for (int k = 0; k < AbsurdTorques::kTicks; ++k) {
-        const FilterStatus status = filter->filter({state, torques.next(), arm.calcDynamics(state)}, decision);
-        ASSERT_TRUE(status == FilterStatus::Modified || status == FilterStatus::Passed)
-            << getName(status) << " in tick " << k;
-        const JointVector jerk = calcJerk(decision, state.qdd, arm.tick_s);
-        advanceNominal(decision, arm.tick_s, state);
-        excess.observe(jerk, state, arm.limits);
-        ASSERT_TRUE(isFinite(state, arm.size()));
-        ASSERT_TRUE(isFinite(decision.value, arm.size()));
-    }
-    EXPECT_LE(excess.velocity, 1e-9);
-    EXPECT_LE(excess.acceleration, 1e-9);
-    EXPECT_LE(excess.position, calcOvershootBound(arm.limits, arm.tick_s) + 1e-12);
+    AbsurdTorques torques(bench.arm.size());
+    const auto next = [&](const MotionState&, const Dynamics&) { return torques.next(); };
+    expectHeld(bench.drive("", 20.0, next), bench.arm.limits, bench.arm.tick_s);
 }
 
 TEST_F(AccelerationViabilityTest, ResetGivesTheSameAnswersAgain) {
@@ -251,21 +220,7 @@ TEST_F(AccelerationViabilityTest, ResetGivesTheSameAnswersAgain) {
 }
 
 TEST_F(AccelerationViabilityTest, LoadsAsALibrary) {
-    TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, kName));
-    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
-    AccelerationViability own;
-    for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
-        filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, kName, ""));
-        filter->reset(arm.start);
-    }
-    const Dynamics dynamics = arm.calcDynamics(arm.start);
-    const JointVector torque = JointVector::Constant(6, 500.0);
-    FilterDecision a, b;
-    EXPECT_EQ(plugin->filter({arm.start, torque, dynamics}, a), FilterStatus::Modified);
-    EXPECT_EQ(own.filter({arm.start, torque, dynamics}, b), FilterStatus::Modified);
-    EXPECT_EQ(a.held, b.held);
-    EXPECT_EQ(a.value, b.value);
+    expectSameAsLibrary<AccelerationViability>(kName);
 }
 
 }  // namespace

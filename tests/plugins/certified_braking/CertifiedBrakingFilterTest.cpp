@@ -1,12 +1,7 @@
-#include "viable/core/Numbers.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 
-#include <cstdio>
-#include <vector>
-
 #include "ExpectContains.h"
-#include "TestArm.h"
-#include "viable/testing/AllocationCounter.h"
+#include "LawBench.h"
 
 namespace viable {
 namespace {
@@ -27,17 +22,6 @@ std::string findConfigureComplaint(TestArm& arm, const std::string& text) {
 
 double getWorst(const LimitExcess& e) {
     return std::max({e.position, e.velocity, e.acceleration, e.jerk});
-}
-
-/** Limits (30) of the paper's robot. */
-void setPaperLimits(TestArm& arm) {
-    const auto both = [](double x) { return JointBounds{JointVector::Constant(6, -x), JointVector::Constant(6, x)}; };
-    arm.limits.velocity = both(2 * kPi / 3);
-    arm.limits.acceleration = both(4 * kPi);
-    arm.limits.jerk = both(12 * kPi);
-    JointVector range(6);
-    range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
-    arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
 }
 
 /** The nominal arm under the filter, through its library. */
@@ -529,36 +513,8 @@ TEST(Fault38, ConflictingLimitsAtTheStartAreAcceptedWithRecoveryAndNothingGetsWo
 // --- Bad input ------------------------------------------------------------------------------------
 
 TEST(Fault28, WhatIsNotFiniteOrOfTheWrongSizeIsRefusedAndLeavesNoTrace) {
-    TestArm arm("indy7");
-    const Dynamics dynamics = arm.calcDynamics(arm.start);
-    const auto play = [&](bool disturbed) {
-        CertifiedBrakingFilter filter;
-        filter.configure(arm.setup(), read(arm, ""));
-        filter.reset(arm.start);
-        FilterDecision decision;
-        decision.value.setConstant(6, 123.25);
-        if (disturbed) {
-            for (const double bad : {kNan, kInfinity, -kInfinity}) {
-                JointVector torque = dynamics.gravity;
-                torque[3] = bad;
-                EXPECT_EQ(filter.filter({arm.start, torque, dynamics}, decision), FilterStatus::InvalidInput);
-                EXPECT_EQ(filter.filter({arm.start, JointVector::Constant(6, bad), dynamics}, decision),
-                          FilterStatus::InvalidInput);
-                MotionState state = arm.start;
-                state.qdd[5] = bad;
-                EXPECT_EQ(filter.filter({state, dynamics.gravity, dynamics}, decision), FilterStatus::InvalidInput);
-                Dynamics broken = dynamics;
-                broken.M(2, 1) = bad;
-                EXPECT_EQ(filter.filter({arm.start, dynamics.gravity, broken}, decision), FilterStatus::InvalidInput);
-            }
-            EXPECT_EQ(filter.filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
-            EXPECT_EQ(decision.value, JointVector::Constant(6, 123.25));
-            EXPECT_FALSE(decision.hasStops);
-        }
-        filter.filter({arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics}, decision);
-        return decision;
-    };
-    EXPECT_EQ(play(true).value, play(false).value);
+    LawBench<CertifiedBrakingFilter> bench("indy7", "certified_braking");
+    expectNoTraceOfBadInput(bench.arm, [&] { return bench.make(); });
 }
 
 TEST(Fault28, ANaNTickIsAMissedTickAndTheNextGoesOn) {
@@ -779,21 +735,7 @@ TEST(CertifiedBraking, ResetGivesTheSameAnswersAgain) {
 }
 
 TEST(CertifiedBraking, LoadsAsALibrary) {
-    TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "certified_braking"));
-    CertifiedBrakingFilter own;
-    for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
-        filter->configure(arm.setup(), read(arm, ""));
-        filter->reset(arm.start);
-        EXPECT_TRUE(filter->traits().guarantees.hasJoints());
-        EXPECT_FALSE(filter->traits().recovers);
-    }
-    const Dynamics dynamics = arm.calcDynamics(arm.start);
-    const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
-    FilterDecision a, b;
-    EXPECT_EQ(plugin->filter({arm.start, torque, dynamics}, a), own.filter({arm.start, torque, dynamics}, b));
-    EXPECT_EQ(a.held, b.held);
-    EXPECT_EQ(a.value, b.value);
+    expectSameAsLibrary<CertifiedBrakingFilter>("certified_braking", true);
 }
 
 }  // namespace

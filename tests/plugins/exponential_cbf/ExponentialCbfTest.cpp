@@ -1,10 +1,7 @@
 #include "ExponentialCbf.h"
 
-#include <cstdio>
-
 #include "LawBench.h"
 #include "viable/braking/ExponentialBarrier.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -3,7 +3,6 @@
 #include <random>
 
 #include "CommandBench.h"
-#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -173,24 +172,16 @@ TEST(GeneratedHandMotion, RefusesTimesThatAreNone) {
 }
 
 TEST(GeneratedHandMotion, DoesNotAllocate) {
-    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const CommandBench bench;
     GeneratedHandMotion source;
     bench.configure(source, "");
-    MotionCommand command;
-    const testing::AllocationCounter counter;
-    source.reset(bench.start);
-    for (int k = 0; k < 50000; ++k) source.sample(k * 1e-3, command);
-    EXPECT_EQ(counter.count(), 0);
+    expectNoAllocation(bench, source, 50000);
 }
 
 TEST(GeneratedHandMotion, GivesTheSameThroughTheLoader) {
     const CommandBench bench;
-    const PluginPtr<CommandSource> loaded = loadCommandSource("generated_hand_motion");
-    GeneratedHandMotion linked;
-    bench.configure(*loaded, "seed: 9");
-    bench.configure(linked, "seed: 9");
-    for (double t = 0.0; t < 30.0; t += 0.1) expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
+    expectSameAsLibrary<GeneratedHandMotion>(bench, "generated_hand_motion", 30.0,
+                                             [&](CommandSource& source) { bench.configure(source, "seed: 9"); });
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "JerkLimitedRate.h"
 
 #include "LawBench.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -67,7 +66,7 @@ TEST(JerkLimitedRate, VelocityAccelerationAndJerkHoldUnderRandomLimitsOfEitherSi
 
 TEST(JerkLimitedRate, TheSameOnTheArmAndThePositionIsNotItsBusiness) {
     Bench bench("indy7", "jerk_limited_rate");
-    bench.setPapersArmLimits();
+    setPaperLimits(bench.arm);
     const LawOutcome outcome = bench.push("", 10.0, 40.0, true, 8);
     EXPECT_LE(outcome.excess.velocity, 1e-9);
     EXPECT_LE(outcome.excess.acceleration, 1e-9);

@@ -1,7 +1,6 @@
 #include "JointPd.h"
 
 #include "TestArm.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -5,19 +5,14 @@
 #include <sys/stat.h>
 #include <time.h>
 
-#include <atomic>
 #include <cmath>
-#include <cstdint>
-#include <deque>
 #include <functional>
-#include <limits>
 #include <thread>
 
 #include "ExpectContains.h"
 #include "TemporaryFolder.h"
 #include "plugin/FaultExplanation.h"
 #include "plugin/StopSignal.h"
-#include "viable/core/Error.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/PluginBench.h"
 

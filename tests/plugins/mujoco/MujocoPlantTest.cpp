@@ -1,6 +1,7 @@
 #include "MujocoPlant.h"
 
 #include "CaseSupport.h"
+#include "Effort.h"
 #include "Joints.h"
 #include "RobotFolder.h"
 #include "TestArm.h"
@@ -359,7 +360,9 @@ TEST(MujocoPlant, ABlowIsThatOfSimbodys) {
     makeRandomArm(folder);
     using Kind = Solid::Kind;
     const char* const names[] = {"box", "sphere", "cylinder", "half-space", "moving sphere"};
-    for (const char* name : {"indy7", "panda", "ur5e", "random"}) {
+    const char* const arms[] = {"indy7", "panda", "ur5e", "random"};
+    for (int k = 0; k < std::min(4, test::countOf(4)); ++k) {
+        const char* const name = arms[k];
         const bool isRandom = name == std::string("random");
         TestArm arm(isRandom ? "planar_two_link" : name, 1e-4);
         if (isRandom) arm.robot = folder.load();
@@ -409,8 +412,10 @@ TEST(MujocoPlant, ABlowIsThatOfSimbodys) {
 }
 
 TEST(MujocoPlant, AnArmThatLeansOnATablePressesAsItsMotorsSay) {
-    for (const char* name : {"indy7", "panda", "ur5e"})
+    const char* const arms[] = {"indy7", "panda", "ur5e"};
+    for (int k = 0; k < std::min(3, test::countOf(3)); ++k)
         for (const double stiffness : {2e3, 2e4, 1e6}) {
+            const char* const name = arms[k];
             TestArm arm(name);
             Environment environment;
             environment.solids.push_back(

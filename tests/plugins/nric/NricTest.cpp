@@ -1,4 +1,3 @@
-#include "viable/core/Numbers.h"
 #include "viable/tracking/LoopStability.h"
 #include "viable/tracking/Nric.h"
 

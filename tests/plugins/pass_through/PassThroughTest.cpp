@@ -2,8 +2,7 @@
 
 #include <Eigen/LU>
 
-#include "TestArm.h"
-#include "viable/core/Numbers.h"
+#include "LawBench.h"
 
 namespace viable {
 namespace {
@@ -76,34 +75,7 @@ TEST_P(PassThroughTest, AccelerationAgreesWithSimbodysForwardDynamics) {
 }
 
 TEST_P(PassThroughTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
-    const MotionState state = makeRandomState(arm_, random_);
-    const Dynamics dynamics = arm_.calcDynamics(state);
-    const JointVector torque = JointVector::Ones(arm_.size());
-    FilterDecision decision;
-    decision.value.setConstant(arm_.size(), 7.0);
-    const auto expectRefused = [&](const MotionState& s, const JointVector& tau, const Dynamics& d) {
-        EXPECT_EQ(filter_.filter({s, tau, d}, decision), FilterStatus::InvalidInput);
-        EXPECT_EQ(decision.value, JointVector::Constant(arm_.size(), 7.0));
-    };
-    for (const double bad : {kNan, kInfinity, -kInfinity}) {
-        JointVector badTorque = torque;
-        badTorque[arm_.size() - 1] = bad;
-        expectRefused(state, badTorque, dynamics);
-        MotionState badState = state;
-        badState.qdd[0] = bad;
-        expectRefused(badState, torque, dynamics);
-        Dynamics badDynamics = dynamics;
-        badDynamics.M(0, 0) = bad;
-        expectRefused(state, torque, badDynamics);
-    }
-    expectRefused(state, JointVector::Ones(arm_.size() + 1), dynamics);
-    expectRefused(state, JointVector(), dynamics);
-
-    FilterDecision untouched;
-    Dynamics indefinite = dynamics;
-    indefinite.M *= -1.0;
-    EXPECT_EQ(filter_.filter({state, torque, indefinite}, untouched), FilterStatus::Faulted);
-    EXPECT_EQ(untouched.value.size(), 0);
+    expectNoTraceOfBadInput(arm_, [&] { return &filter_; });
 }
 
 TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
@@ -119,19 +91,8 @@ TEST_P(PassThroughTest, Fault29HugeTorqueNeverBecomesAnInfiniteAcceleration) {
     }
 }
 
-TEST_P(PassThroughTest, LoadsAsALibrary) {
-    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "pass_through"));
-    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
-    plugin->configure(arm_.setup(), arm_.read(PluginKind::SafetyFilter, "pass_through", ""));
-    plugin->reset(arm_.start);
-    const MotionState state = makeRandomState(arm_, random_);
-    const JointVector torque = makeRandomVector(arm_.size(), 100.0, random_);
-    const Dynamics dynamics = arm_.calcDynamics(state);
-    FilterDecision loaded, own;
-    EXPECT_EQ(plugin->filter({state, torque, dynamics}, loaded), FilterStatus::Passed);
-    EXPECT_EQ(filter_.filter({state, torque, dynamics}, own), FilterStatus::Passed);
-    EXPECT_EQ(loaded.held, own.held);
-    EXPECT_EQ(loaded.value, own.value);
+TEST(PassThrough, LoadsAsALibrary) {
+    expectSameAsLibrary<PassThrough>("pass_through");
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, PassThroughTest, ::testing::Values("single_joint", "indy7"));

@@ -1,8 +1,6 @@
 #include "RandomSteps.h"
 
 #include "CommandBench.h"
-#include "Complaint.h"
-#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -121,22 +119,16 @@ TEST(RandomSteps, ComplainsAboutTimesAndLimitsThatCannotBe) {
 }
 
 TEST(RandomSteps, AllocatesNothingInATick) {
-    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const CommandBench bench;
     Source source(bench, "");
-    MotionCommand command;
-    const testing::AllocationCounter counter;
-    for (int k = 0; k < 30000; ++k) source.sample(k * 1e-3, command);
-    EXPECT_EQ(counter.count(), 0);
+    expectNoAllocation(bench, source, 30000);
 }
 
 TEST(RandomSteps, LoadsAsALibrary) {
     const CommandBench bench;
-    Source own(bench, "seed: 9");
-    const PluginPtr<CommandSource> plugin = loadCommandSource("random_steps");
-    plugin->configure(makeSetup(bench), bench.read("seed: 9"));
-    plugin->reset(bench.start);
-    for (int k = 0; k < 3000; ++k) expectSame(sampleAt(own, k * 0.01), sampleAt(*plugin, k * 0.01));
+    expectSameAsLibrary<RandomSteps>(bench, "random_steps", 30.0, [&](CommandSource& source) {
+        source.configure(makeSetup(bench), bench.read("seed: 9"));
+    });
 }
 
 }  // namespace

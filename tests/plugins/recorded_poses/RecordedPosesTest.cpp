@@ -1,12 +1,10 @@
 #include "RecordedPoses.h"
 
-#include <cstdio>
 #include <fstream>
 #include <functional>
 #include <random>
 
 #include "CommandBench.h"
-#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -392,14 +390,9 @@ TEST_F(RecordedPosesTest, RefusesTimesThatAreNone) {
 }
 
 TEST_F(RecordedPosesTest, DoesNotAllocate) {
-    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     RecordedPoses source;
     configure(source, write(record(hand, 4.0)), "");
-    MotionCommand command;
-    const testing::AllocationCounter counter;
-    source.reset(bench_.start);
-    for (int k = 0; k < 30000; ++k) source.sample(k * 1e-3, command);
-    EXPECT_EQ(counter.count(), 0);
+    expectNoAllocation(bench_, source, 30000);
 }
 
 /** The hand, seen but for `gaps` [s, s]. */
@@ -491,12 +484,9 @@ TEST_F(RecordedPosesTest, HoldsNothingWhereThereIsNoGapAndRefusesWhereThereIsOnl
 }
 
 TEST_F(RecordedPosesTest, GivesTheSameThroughTheLoader) {
-    const PluginPtr<CommandSource> loaded = loadCommandSource("recorded_poses");
-    RecordedPoses linked;
     const std::string recording = write(record(hand, 4.0));
-    configure(*loaded, recording, "");
-    configure(linked, recording, "");
-    for (double t = 0.0; t < 11.0; t += 0.1) expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
+    expectSameAsLibrary<RecordedPoses>(bench_, "recorded_poses", 11.0,
+                                       [&](CommandSource& source) { configure(source, recording, ""); });
 }
 
 }  // namespace

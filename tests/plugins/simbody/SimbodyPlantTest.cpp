@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "Effort.h"
 #include "TestArm.h"
 #include "viable/core/Numbers.h"
 #include "viable/environment/Environment.h"
@@ -479,8 +480,10 @@ Environment makeTable(TestArm& arm, double below) {
 
 // Motors that hold the arm and press the tool down with 20 N: so much the table gives back.
 TEST(SimbodyPlant, AnArmThatLeansOnATablePressesAsItsMotorsSay) {
-    for (const char* name : {"indy7", "panda", "ur5e"})
+    const char* const arms[] = {"indy7", "panda", "ur5e"};
+    for (int k = 0; k < std::min(3, test::countOf(3)); ++k)
         for (const char* gears : {"", ", backlash_rad: 1e-3, gear_stiffness_Nmprad: 2000, substeps: 40"}) {
+            const char* const name = arms[k];
             TestArm arm(name);
             if (*gears && !(arm.robot.actuation.rotorInertia.minCoeff() > 0.0)) continue;
             const Environment table = makeTable(arm, 0.019);

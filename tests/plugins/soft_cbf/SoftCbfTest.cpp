@@ -1,9 +1,6 @@
 #include "SoftCbf.h"
 
-#include <cstdio>
-
 #include "LawBench.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {
@@ -65,7 +62,7 @@ struct Cost {
 
 TEST(SoftCbf, TakesTheCheapestJerkInTheBox) {
     Bench bench("indy7", "soft_cbf");
-    bench.setPapersArmLimits();
+    setPaperLimits(bench.arm);
     TestArm& arm = bench.arm;
     std::mt19937 random(51);
     std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -162,7 +159,7 @@ TEST(SoftCbf, JerkHoldsAndThereIsAlwaysAnAnswer) {
     expectRatesHeldUnderRandomLimits<SoftCbf>(
         "soft_cbf", 23, [](const JointLimits&) { return ""; }, false);
     Bench six("indy7", "soft_cbf");
-    six.setPapersArmLimits();
+    setPaperLimits(six.arm);
     int most = 0;
     PushingCommand command(6, 40.0, true, 8);
     const LawOutcome outcome = six.run(

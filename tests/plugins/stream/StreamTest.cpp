@@ -3,18 +3,13 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <array>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <functional>
-#include <limits>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
-#include <vector>
 
 #include "CommandBench.h"
 #include "viable/testing/AllocationCounter.h"

@@ -3,10 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
-#include <cstdio>
-
 #include "TestArm.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -1,6 +1,4 @@
 #include <iostream>
-#include <optional>
-#include <random>
 
 #include "CaseSupport.h"
 #include "Effort.h"

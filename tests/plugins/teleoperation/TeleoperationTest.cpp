@@ -1,8 +1,5 @@
 #include "Teleoperation.h"
 
-#include <limits>
-#include <random>
-
 #include "CaseSupport.h"
 #include "CommandBench.h"
 #include "live/LiveSession.h"

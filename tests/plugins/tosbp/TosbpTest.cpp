@@ -1,72 +1,14 @@
 #include "Tosbp.h"
 
-#include <cstdio>
-
 #include "ExpectContains.h"
-#include "TestArm.h"
-#include "viable/core/Numbers.h"
+#include "LawBench.h"
 
 namespace viable {
 namespace {
 
-Parameters read(const TestArm& arm, const std::string& text) {
-    return arm.read(PluginKind::SafetyFilter, "tosbp", text);
-}
-
-std::string findConfigureComplaint(TestArm& arm, const std::string& text) {
-    return findComplaint([&] {
-        Tosbp filter;
-        filter.configure(arm.setup(), read(arm, text));
-    });
-}
-
-struct Outcome {
-    LimitExcess excess;
-    int ticks = 0, infeasible = 0, modified = 0, passed = 0;
+struct Bench : LawBench<Tosbp> {
+    explicit Bench(const std::string& robot, double tick_s = 1e-3) : LawBench(robot, "tosbp", tick_s) {}
 };
-
-/** Runs the nominal arm from its start. @param torqueOf  the desired torque in a tick, from the
-state; @param dynamicsOf  the dynamics at a state */
-template <class TorqueOf, class DynamicsOf>
-Outcome run(TestArm& arm, const std::string& parameters, double duration_s, TorqueOf torqueOf, DynamicsOf dynamicsOf) {
-    Tosbp filter;
-    filter.configure(arm.setup(), read(arm, parameters));
-    filter.reset(arm.start);
-    MotionState state = arm.start;
-    FilterDecision decision;
-    Outcome outcome;
-    outcome.ticks = static_cast<int>(std::lround(duration_s / arm.tick_s));
-    for (int k = 0; k < outcome.ticks; ++k) {
-        const Dynamics& dynamics = dynamicsOf(state);
-        const JointVector torque = torqueOf(state, dynamics);
-        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
-        outcome.infeasible += status == FilterStatus::Infeasible;
-        outcome.modified += status == FilterStatus::Modified;
-        outcome.passed += status == FilterStatus::Passed;
-        EXPECT_LE(status, FilterStatus::Infeasible) << "tick " << k;
-        EXPECT_EQ(decision.held, HeldQuantity::Jerk);
-        EXPECT_TRUE(isFinite(decision.value, arm.size())) << "tick " << k;
-        if (status == FilterStatus::Infeasible)  // braking, inside the jerk limits
-            for (int i = 0; i < arm.size(); ++i) {
-                EXPECT_GE(decision.value[i], arm.limits.jerk.lower[i]);
-                EXPECT_LE(decision.value[i], arm.limits.jerk.upper[i]);
-            }
-        advanceNominal(decision, arm.tick_s, state);
-        outcome.excess.observe(decision.value, state, arm.limits);
-        if (::testing::Test::HasFailure()) break;
-    }
-    return outcome;
-}
-
-/** With the dynamics of the arm itself. */
-template <class TorqueOf>
-Outcome run(TestArm& arm, const std::string& parameters, double duration_s, TorqueOf torqueOf) {
-    Dynamics dynamics;
-    return run(arm, parameters, duration_s, torqueOf, [&](const MotionState& s) -> const Dynamics& {
-        arm.model().calcDynamics(s.q, s.qd, dynamics);
-        return dynamics;
-    });
-}
 
 double calcLargest(const JointBounds& bounds) {
     return std::max(bounds.upper.maxCoeff(), -bounds.lower.minCoeff());
@@ -87,8 +29,9 @@ double calcPositionDrift(const JointLimits& limits, double tick_s, double durati
     return J * tick_s * tick_s * duration_s / 2.0 + A * tick_s * tick_s;
 }
 
-void expectHeld(const Outcome& outcome, const JointLimits& limits, double tick_s) {
+void expectHeld(const LawOutcome& outcome, const JointLimits& limits, double tick_s) {
     const double duration_s = outcome.ticks * tick_s;
+    EXPECT_EQ(outcome.holdingJerk, outcome.ticks);
     EXPECT_LE(outcome.excess.jerk, 1e-9);
     EXPECT_LE(outcome.excess.acceleration, 1e-9);
     EXPECT_LE(outcome.excess.velocity, calcVelocityDrift(limits, tick_s, duration_s));
@@ -118,17 +61,15 @@ void drawLimits(JointLimits& limits, bool above, bool symmetric, std::mt19937& r
 }
 
 TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
-    TestArm arm("single_joint");
-    const Dynamics unit = makeUnitDynamics(1);
+    Bench bench("single_joint");
+    const TestArm& arm = bench.arm;
     std::mt19937 random(21);
     double worstPosition = 0.0, worstVelocity = 0.0;
     long ticks = 0, infeasible = 0;
     for (int k = 0; k < 400; ++k) {
-        drawLimits(arm.limits, k % 2 == 0, (k / 2) % 2 == 0, random);
-        PushingCommand push(1, 3.0 * calcLargest(arm.limits.acceleration), (k / 4) % 2 == 0, k);
-        const Outcome outcome = run(
-            arm, "k_alpha: 5, gamma: 20", 20.0, [&](const MotionState&, const Dynamics&) { return push.next(); },
-            [&](const MotionState&) -> const Dynamics& { return unit; });
+        drawLimits(bench.arm.limits, k % 2 == 0, (k / 2) % 2 == 0, random);
+        const double size = 3.0 * calcLargest(arm.limits.acceleration);
+        const LawOutcome outcome = bench.push("k_alpha: 5, gamma: 20", 20.0, size, (k / 4) % 2 == 0, k);
         SCOPED_TRACE("limits " + std::to_string(k));
         expectHeld(outcome, arm.limits, arm.tick_s);
         ASSERT_FALSE(HasFailure());
@@ -148,21 +89,10 @@ TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
 
 TEST(Tosbp, ArmUnderThePapersLimits) {
     for (const bool bangBang : {false, true}) {
-        TestArm arm("indy7");
-        // (30): the limits of the teleoperation experiment.
-        arm.limits.velocity = {JointVector::Constant(6, -2 * kPi / 3), JointVector::Constant(6, 2 * kPi / 3)};
-        arm.limits.acceleration = {JointVector::Constant(6, -4 * kPi), JointVector::Constant(6, 4 * kPi)};
-        arm.limits.jerk = {JointVector::Constant(6, -12 * kPi), JointVector::Constant(6, 12 * kPi)};
-        JointVector range(6);
-        range << kPi / 6, kPi / 12, kPi / 6, kPi / 12, kPi / 6, kPi / 3;
-        arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
-        PushingCommand push(6, 40.0, bangBang, 8);
-        const Outcome outcome = run(arm, "k_alpha: 5, gamma: 20", 20.0, [&](const MotionState&, const Dynamics& d) {
-            JointVector torque;
-            calcInverseDynamics(d, push.next(), torque);
-            return torque;
-        });
-        expectHeld(outcome, arm.limits, arm.tick_s);
+        Bench bench("indy7");
+        setPaperLimits(bench.arm);
+        const LawOutcome outcome = bench.push("k_alpha: 5, gamma: 20", 20.0, 40.0, bangBang, 8);
+        expectHeld(outcome, bench.arm.limits, bench.arm.tick_s);
         EXPECT_GT(outcome.modified, 1000);
         std::printf("  worst excess: %.2g rad, %.2g of the velocity limit; %d of %d ticks empty\n",
                     outcome.excess.position, outcome.excess.velocity, outcome.infeasible, outcome.ticks);
@@ -172,46 +102,32 @@ TEST(Tosbp, ArmUnderThePapersLimits) {
 // A limit of the sampled law, kept on purpose (the filter reproduces the paper): pushed for ever,
 // it creeps through the velocity limit, and not faster than derived above.
 TEST(Tosbp, PushedForEverCreepsThroughTheVelocityLimitAtTheDerivedRate) {
-    TestArm arm("single_joint");
-    arm.limits.position = {JointVector::Constant(1, -kInfinity), JointVector::Constant(1, kInfinity)};
-    const Dynamics unit = makeUnitDynamics(1);
-    const Outcome outcome = run(
-        arm, "k_alpha: 5, gamma: 100", 60.0,
-        [&](const MotionState&, const Dynamics&) { return JointVector::Constant(1, 100.0); },
-        [&](const MotionState&) -> const Dynamics& { return unit; });
+    Bench bench("single_joint");
+    bench.arm.limits.position = {JointVector::Constant(1, -kInfinity), JointVector::Constant(1, kInfinity)};
+    const LawOutcome outcome =
+        bench.run("k_alpha: 5, gamma: 100", 60.0, [](const MotionState&) { return JointVector::Constant(1, 100.0); });
     EXPECT_LE(outcome.excess.jerk, 1e-9);
     EXPECT_LE(outcome.excess.acceleration, 1e-9);
+    EXPECT_EQ(outcome.holdingJerk, outcome.ticks);
     const double V = 2.0 * kPi;
-    EXPECT_LE(V * outcome.excess.velocity, calcVelocityDrift(arm.limits, arm.tick_s, 60.0));
+    EXPECT_LE(V * outcome.excess.velocity, calcVelocityDrift(bench.arm.limits, bench.arm.tick_s, 60.0));
     EXPECT_GT(outcome.excess.velocity, 0.0);
 }
 
 /** The paper's S4 (26): qdd_d = 5 (2 pi - q) - qd for 8 s (Fig. 6). */
 struct S4 {
-    Outcome outcome;
+    LawOutcome outcome;
     double firstPastStop_s = -1.0;   ///< when the stop first lay behind the limit, h_p < 0
     double firstBrokenRow_s = -1.0;  ///< when (18) with (21), as printed, first asked for j < -J
     int brakesThere = 0, ticksPastStop = 0, signChanges = 0;
 };
 
 S4 runS4(double tick_s) {
-    TestArm arm("single_joint", tick_s);
-    const Dynamics unit = makeUnitDynamics(1);
-    Tosbp filter;
-    filter.configure(arm.setup(), read(arm, "k_alpha: 5, gamma: 100"));
-    filter.reset(arm.start);
-    MotionState s = arm.start;
-    FilterDecision d;
     S4 result;
-    result.outcome.ticks = static_cast<int>(std::lround(8.0 / tick_s));
     const double J = 4.0 * kPi;
     double last = 0.0;
-    for (int k = 0; k < result.outcome.ticks; ++k) {
-        const JointVector torque = JointVector::Constant(1, 5.0 * (2.0 * kPi - s.q[0]) - s.qd[0]);
-        const FilterStatus status = filter.filter({s, torque, unit}, d);
-        EXPECT_LE(status, FilterStatus::Infeasible);
-        result.outcome.infeasible += status == FilterStatus::Infeasible;
-
+    int k = 0;
+    const auto look = [&](const MotionState& s, const FilterDecision& d, const Tosbp&) {
         // An own evaluation of the stop III (it never cruises with these numbers) and of the row
         // as printed, for v > 0 and a > 0 near the limit.
         const double v = s.qd[0], a = s.qdd[0];
@@ -229,10 +145,12 @@ S4 runS4(double tick_s) {
         }
         result.signChanges += d.value[0] * last < 0.0;
         last = d.value[0];
-        advanceNominal(d, tick_s, s);
-        result.outcome.excess.observe(d.value, s, arm.limits);
-    }
-    EXPECT_NEAR(s.q[0], kPi, 1e-3);  // it is at the limit and stays there (Fig. 6)
+        ++k;
+    };
+    Bench bench("single_joint", tick_s);
+    result.outcome = bench.follow(
+        "k_alpha: 5, gamma: 100", 8.0, [](double) { return 2.0 * kPi; }, look);
+    EXPECT_NEAR(result.outcome.end.q[0], kPi, 1e-3);  // it is at the limit and stays there (Fig. 6)
     return result;
 }
 
@@ -248,6 +166,7 @@ TEST(Tosbp, Fault33S4RestingOnTheLimitRunsOutOfAdmissibleJerksAndBrakes) {
     std::printf("  position passed by %.2g, %.2g, %.2g rad\n", coarse.outcome.excess.position,
                 usual.outcome.excess.position, fine.outcome.excess.position);
     for (const S4* s4 : {&coarse, &usual, &fine}) {
+        EXPECT_EQ(s4->outcome.holdingJerk, s4->outcome.ticks);
         EXPECT_EQ(s4->outcome.infeasible, s4->ticksPastStop);
         EXPECT_EQ(s4->brakesThere, s4->ticksPastStop);
         EXPECT_GT(s4->ticksPastStop, 0);
@@ -266,16 +185,16 @@ TEST(Tosbp, Fault33S4RestingOnTheLimitRunsOutOfAdmissibleJerksAndBrakes) {
 
 TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
     for (const char* robot : {"single_joint", "indy7"}) {
-        TestArm arm(robot);
-        Tosbp filter;
-        filter.configure(arm.setup(), read(arm, "gamma: 20"));
+        Bench bench(robot);
+        const TestArm& arm = bench.arm;
+        const auto filter = bench.make("gamma: 20");
         std::mt19937 random(5);
         for (int k = 0; k < 200; ++k) {
             MotionState state = arm.start;
             state.q += makeRandomVector(arm.size(), 0.05, random);
             state.qd = makeRandomVector(arm.size(), 0.1, random);
             state.qdd = makeRandomVector(arm.size(), 0.3, random);
-            const Dynamics dynamics = arm.calcDynamics(state);
+            const Dynamics dynamics = bench.arm.calcDynamics(state);
             JointVector first, second, desired[2];
             const JointVector aim = state.qdd + makeRandomVector(arm.size(), 0.3, random);
             calcInverseDynamics(dynamics, aim, first);
@@ -283,11 +202,11 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
             ASSERT_TRUE(calcForwardDynamics(dynamics, first, desired[0]));
             ASSERT_TRUE(calcForwardDynamics(dynamics, second, desired[1]));
             FilterDecision decision;
-            filter.reset(state);
+            filter->reset(state);
             // In the first tick there is no quotient yet, in the second there is one (14).
-            ASSERT_EQ(filter.filter({state, first, dynamics}, decision), FilterStatus::Passed);
+            ASSERT_EQ(filter->filter({state, first, dynamics}, decision), FilterStatus::Passed);
             ASSERT_EQ(decision.value, JointVector(-20.0 * (state.qdd - desired[0])));
-            ASSERT_EQ(filter.filter({state, second, dynamics}, decision), FilterStatus::Passed);
+            ASSERT_EQ(filter->filter({state, second, dynamics}, decision), FilterStatus::Passed);
             ASSERT_EQ(decision.value,
                       JointVector((desired[1] - desired[0]) / arm.tick_s - 20.0 * (state.qdd - desired[1])));
             for (int i = 0; i < arm.size(); ++i) {
@@ -298,18 +217,10 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
 }
 
 TEST(Tosbp, SaysWhichLimitActs) {
-    TestArm arm("single_joint");
-    const Dynamics unit = makeUnitDynamics(1);
-    Tosbp filter;
-    filter.configure(arm.setup(), read(arm, ""));
+    Bench bench("single_joint");
     const auto decide = [&](double q, double qd, double qdd, double push) {
-        MotionState state = arm.start;
-        state.q[0] = q;
-        state.qd[0] = qd;
-        state.qdd[0] = qdd;
-        filter.reset(state);
         FilterDecision decision;
-        filter.filter({state, JointVector::Constant(1, push), unit}, decision);
+        bench.decide("", {q, qd, qdd}, push, decision);
         return decision.joints[0];
     };
     EXPECT_EQ(decide(0, 0, 0, 0.1).limit, LimitKind::None);
@@ -326,96 +237,54 @@ TEST(Tosbp, SaysWhichLimitActs) {
 }
 
 TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
-    TestArm arm("indy7", 0.01);
-    test::expectContains(findConfigureComplaint(arm, "k_alpha: 101"),
+    Bench bench("indy7", 0.01);
+    test::expectContains(bench.findConfigureComplaint("k_alpha: 101"),
                          {"experiment.yaml:1:", "plugin_block.k_alpha", "k_alpha * tick_s is 1.01", "allowed (0, 1]"});
-    test::expectContains(findConfigureComplaint(arm, "gamma: 200"),
+    test::expectContains(bench.findConfigureComplaint("gamma: 200"),
                          {"plugin_block.gamma", "gamma * tick_s is 2.0", "allowed (0, 2)", "below 2 / tick_s"});
-    EXPECT_EQ(findConfigureComplaint(arm, "k_alpha: 100, gamma: 199"), "");
-    EXPECT_CONTAINS(findConfigureComplaint(arm, "k_alpha: 0"), "k_alpha");
-    EXPECT_CONTAINS(findConfigureComplaint(arm, "gamma: -20"), "gamma");
+    EXPECT_EQ(bench.findConfigureComplaint("k_alpha: 100, gamma: 199"), "");
+    EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 0"), "k_alpha");
+    EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: -20"), "gamma");
 }
 
 TEST(Tosbp, UnlimitedJerkIsRefused) {
-    TestArm arm("single_joint");
-    arm.limits.jerk.lower[0] = -kInfinity;
-    test::expectContains(findConfigureComplaint(arm, ""), {"finite jerk limit", "limits.jerk_radps3"});
+    Bench bench("single_joint");
+    bench.arm.limits.jerk.lower[0] = -kInfinity;
+    test::expectContains(bench.findConfigureComplaint(""), {"finite jerk limit", "limits.jerk_radps3"});
 }
 
 TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
-    TestArm arm("indy7");
-    const Dynamics dynamics = arm.calcDynamics(arm.start);
-    const auto play = [&](bool disturbed) {
-        Tosbp filter;
-        filter.configure(arm.setup(), read(arm, ""));
-        filter.reset(arm.start);
-        FilterDecision decision;
-        filter.filter({arm.start, dynamics.gravity, dynamics}, decision);
-        if (disturbed) {
-            const JointVector before = decision.value;
-            for (const double bad : {kNan, kInfinity, -kInfinity}) {
-                JointVector torque = dynamics.gravity;
-                torque[3] = bad;
-                EXPECT_EQ(filter.filter({arm.start, torque, dynamics}, decision), FilterStatus::InvalidInput);
-                MotionState state = arm.start;
-                state.qdd[5] = bad;
-                EXPECT_EQ(filter.filter({state, dynamics.gravity, dynamics}, decision), FilterStatus::InvalidInput);
-            }
-            EXPECT_EQ(filter.filter({arm.start, JointVector::Zero(5), dynamics}, decision), FilterStatus::InvalidInput);
-            Dynamics indefinite = dynamics;
-            indefinite.M *= -1.0;
-            EXPECT_EQ(filter.filter({arm.start, dynamics.gravity, indefinite}, decision), FilterStatus::Faulted);
-            EXPECT_EQ(decision.value, before);
-        }
-        filter.filter({arm.start, dynamics.gravity + JointVector::Constant(6, 0.01), dynamics}, decision);
-        return decision;
-    };
-    EXPECT_EQ(play(true).value, play(false).value);
+    Bench bench("indy7");
+    expectNoTraceOfBadInput(bench.arm, [&] { return bench.make(); });
 }
 
 TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
-    TestArm arm("indy7");
-    AbsurdTorques torques(arm.size());
-    const Outcome outcome = run(arm, "gamma: 1999, k_alpha: 1000", 20.0,
-                                [&](const MotionState&, const Dynamics&) { return torques.next(); });
-    expectHeld(outcome, arm.limits, arm.tick_s);
+    Bench bench("indy7");
+    AbsurdTorques torques(bench.arm.size());
+    const auto next = [&](const MotionState&, const Dynamics&) { return torques.next(); };
+    expectHeld(bench.drive("gamma: 1999, k_alpha: 1000", 20.0, next), bench.arm.limits, bench.arm.tick_s);
 }
 
 TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
     for (const char* robot : {"single_joint", "indy7"}) {
         for (const double jump : {2.0 * kPi, 1e6}) {
-            TestArm arm(robot);
-            JumpingSetPoint setPoint(arm, jump);
-            const Outcome outcome = run(arm, "gamma: 100", 20.0,
-                                        [&](const MotionState& s, const Dynamics& d) { return setPoint.next(s, d); });
-            expectHeld(outcome, arm.limits, arm.tick_s);
+            Bench bench(robot);
+            JumpingSetPoint setPoint(bench.arm, jump);
+            const auto next = [&](const MotionState& s, const Dynamics& d) { return setPoint.next(s, d); };
+            const LawOutcome outcome = bench.drive("gamma: 100", 20.0, next);
+            expectHeld(outcome, bench.arm.limits, bench.arm.tick_s);
             EXPECT_GT(outcome.modified, 1000);
         }
     }
 }
 
 TEST(Tosbp, ResetGivesTheSameAnswersAgain) {
-    TestArm arm("indy7");
-    Tosbp filter;
-    filter.configure(arm.setup(), read(arm, ""));
-    expectSameAnswersAfterReset(filter, arm);
+    Bench bench("indy7");
+    expectSameAnswersAfterReset(*bench.make(), bench.arm);
 }
 
 TEST(Tosbp, LoadsAsALibrary) {
-    TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, "tosbp"));
-    EXPECT_TRUE(plugin->traits().guarantees.isEmpty());
-    Tosbp own;
-    for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
-        filter->configure(arm.setup(), read(arm, ""));
-        filter->reset(arm.start);
-    }
-    const Dynamics dynamics = arm.calcDynamics(arm.start);
-    const JointVector torque = JointVector::LinSpaced(6, 5.0, 50.0);
-    FilterDecision a, b;
-    EXPECT_EQ(plugin->filter({arm.start, torque, dynamics}, a), own.filter({arm.start, torque, dynamics}, b));
-    EXPECT_EQ(a.held, b.held);
-    EXPECT_EQ(a.value, b.value);
+    expectSameAsLibrary<Tosbp>("tosbp");
 }
 
 }  // namespace

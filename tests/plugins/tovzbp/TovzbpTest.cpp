@@ -1,9 +1,6 @@
 #include "Tovzbp.h"
 
-#include <cstdio>
-
 #include "LawBench.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

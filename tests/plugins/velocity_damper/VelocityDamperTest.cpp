@@ -1,10 +1,7 @@
 #include "VelocityDamper.h"
 
-#include <cstdio>
-
 #include "ExpectContains.h"
 #include "LawBench.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

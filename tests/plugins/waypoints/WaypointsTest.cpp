@@ -2,7 +2,6 @@
 
 #include "CommandBench.h"
 #include "Joints.h"
-#include "viable/testing/AllocationCounter.h"
 
 namespace viable::test {
 namespace {
@@ -167,29 +166,19 @@ TEST(Waypoints, RefusesTimesThatAreNone) {
 }
 
 TEST(Waypoints, DoesNotAllocate) {
-    if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const CommandBench bench;
     for (const char* how : {"hold", "linear", "smooth"}) {
+        SCOPED_TRACE(how);
         Waypoints source;
         bench.configure(source, kThreePoints + std::string(", repeat_s: 3, interpolation: ") + how);
-        MotionCommand command;
-        const testing::AllocationCounter counter;
-        source.reset(bench.start);
-        for (int k = 0; k < 7000; ++k) source.sample(k * 1e-3, command);
-        EXPECT_EQ(counter.count(), 0) << how;
+        expectNoAllocation(bench, source, 7000);
     }
 }
 
 TEST(Waypoints, GivesTheSameThroughTheLoaderAndAfterAReset) {
     const CommandBench bench;
-    const PluginPtr<CommandSource> loaded = loadCommandSource("waypoints");
-    Waypoints linked;
-    bench.configure(*loaded, kThreePoints);
-    bench.configure(linked, kThreePoints);
-    for (int round = 0; round < 2; ++round) {
-        for (double t = 0.0; t < 2.5; t += 0.01) expectSame(sampleAt(*loaded, t), sampleAt(linked, t));
-        loaded->reset(bench.start);
-    }
+    expectSameAsLibrary<Waypoints>(bench, "waypoints", 2.5,
+                                   [&](CommandSource& source) { bench.configure(source, kThreePoints); });
 }
 
 }  // namespace

@@ -1,43 +1,22 @@
-#include "filter/WholeArmBrakingFilter.h"
-#include "viable/core/Numbers.h"
-
-#include <cstdio>
-#include <optional>
-
-#include "TestArm.h"
+#include "WholeArm.h"
 #include "limits/PointSpeedLimit.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
 
-constexpr double kPeriod_s = 1e-3;
-
 /** An arm with speed limits and nothing around it, under the filter. */
-class LimitedArm {
+class LimitedArm : public FilteredWholeArm {
 public:
     explicit LimitedArm(const SpeedLimits& limits, WholeArmBrakingOptions options = {}, const char* name = "indy7")
-        : robot(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)), model_(robot) {
+        : FilteredWholeArm(loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name)), options_(options) {
         robot.speedLimits = limits;
-        const int n = robot.size();
-        state = {robot.home, JointVector::Zero(n), JointVector::Zero(n)};
-        options_ = options;
-        const ArmGeometry geometry = loadArmGeometry(robot);
         checker.emplace(robot, &geometry);
     }
     void configure() {
-        model_.calcDynamics(state.q, state.qd, dynamics);
-        setup_.emplace(RunSetup{robot, robot.limits, kPeriod_s, 60.0, state, dynamics.tool});
+        calcDynamics();
+        setup_.emplace(RunSetup{robot, robot.limits, kTick_s, 60.0, state, dynamics.tool});
         filter.configure(*setup_, options_);
-    }
-    FilterStatus goTo(const JointVector& goal, double stiffness) {
-        const JointVector qdd = stiffness * (goal - state.q) - 2.0 * std::sqrt(stiffness) * state.qd;
-        JointVector torque;
-        calcInverseDynamics(dynamics, qdd, torque);
-        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
-        advanceNominal(decision, kPeriod_s, state);
-        model_.calcDynamics(state.q, state.qd, dynamics);
-        return status;
     }
     double use() const { return checker->find(state.q, state.qd).use; }
     bool acts(LimitKind kind) const {
@@ -54,15 +33,9 @@ public:
         return goal;
     }
 
-    RobotDescription robot;
     std::optional<detail::PointSpeedLimit> checker;
-    WholeArmBrakingFilter filter;
-    MotionState state;
-    Dynamics dynamics;
-    FilterDecision decision;
 
 private:
-    RobotModel model_;
     WholeArmBrakingOptions options_;
     std::optional<RunSetup> setup_;
 };
@@ -151,7 +124,7 @@ TEST(SpeedLimits, WithoutSteeringTheyAreKept) {
         if (tick % 1500 == 0) goal = arm.drawGoal(random);
         arm.goTo(goal, 400.0);
         most = std::max(most, arm.use());
-        way += arm.state.qd.norm() * kPeriod_s;
+        way += arm.state.qd.norm() * FilteredWholeArm::kTick_s;
     }
     EXPECT_LE(most, 1.0 + 1e-9);
     EXPECT_GT(way, 0.1) << "it moves";
@@ -185,7 +158,7 @@ TEST(SpeedLimits, ARegionIsEnteredSlowly) {
     }
     std::printf(
         "  through the box in %.1f s, %.1f s of them inside; fastest %.3f m/s, largest share of a limit 1 %+.2g\n",
-        kPeriod_s * tick, kPeriod_s * inside, fastest, most - 1.0);
+        FilteredWholeArm::kTick_s * tick, FilteredWholeArm::kTick_s * inside, fastest, most - 1.0);
     EXPECT_LE(most, 1.0 + 1e-9);
     EXPECT_GT(fastest, 0.4);
     EXPECT_GT(inside, 1000);
@@ -205,7 +178,7 @@ TEST(SpeedLimits, TheToolAloneIsLimited) {
         if (tick % 1500 == 0) goal = arm.drawGoal(random);
         const Eigen::Vector3d tool = arm.dynamics.tool.position;
         arm.goTo(goal, 100.0);
-        most = std::max(most, (arm.dynamics.tool.position - tool).norm() / kPeriod_s);
+        most = std::max(most, (arm.dynamics.tool.position - tool).norm() / FilteredWholeArm::kTick_s);
     }
     EXPECT_LE(most, 0.1 * (1.0 + 1e-9));  // a mean over a tick is not above the largest
     EXPECT_GT(most, 0.095);

@@ -1,13 +1,8 @@
 #include "Balls.h"
-#include "filter/WholeArmBrakingFilter.h"
-#include "viable/core/Numbers.h"
 
-#include <atomic>
-#include <cstdio>
-#include <optional>
 #include <thread>
 
-#include "TestArm.h"
+#include "WholeArm.h"
 #include "environment/CollisionChecker.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/testing/AllocationCounter.h"
@@ -29,23 +24,15 @@ Solid makeBox(const char* name, const Eigen::Vector3d& centre, const Eigen::Vect
 }
 
 /** Indy7 among obstacles, under the filter. */
-class ArmAmongObstacles {
+class ArmAmongObstacles : public FilteredWholeArm {
 public:
     explicit ArmAmongObstacles(const Environment& surroundings, WholeArmBrakingOptions options = {},
-                               RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"))
-        : environment(surroundings),
-          robot_(std::move(robot)),
-          geometry(loadArmGeometry(robot_)),
-          model_(robot_),
-          feed(makeSurroundings(surroundings)) {
-        const int n = robot_.size();
-        state.q = robot_.home;
-        state.qd.setZero(n);
-        state.qdd.setZero(n);
-        model_.calcDynamics(state.q, state.qd, dynamics);
-        setup_.emplace(RunSetup{robot_, robot_.limits, kTick_s, 60.0, state, dynamics.tool, &geometry, &feed});
-        options_ = options;
-    }
+                               RobotDescription description = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"))
+        : FilteredWholeArm(std::move(description)),
+          environment(surroundings),
+          feed(makeSurroundings(surroundings)),
+          setup_{robot, robot.limits, kTick_s, 60.0, state, dynamics.tool, &geometry, &feed},
+          options_(options) {}
 
     static std::shared_ptr<const Surroundings> makeSurroundings(const Environment& e) {
         const Eigen::Vector3d far = Eigen::Vector3d::Constant(2.0);
@@ -53,54 +40,21 @@ public:
     }
 
     void configure() {
-        filter.configure(*setup_, options_);
+        filter.configure(setup_, options_);
         filter.reset(state);
     }
-    const RobotDescription& robot() const { return robot_; }
-
-    /** Accelerations towards a pose; `stiffness` 1/s^2. */
-    FilterStatus goTo(const JointVector& goal, double stiffness = 100.0) {
-        return push(stiffness * (goal - state.q) - 2.0 * std::sqrt(stiffness) * state.qd);
-    }
-    FilterStatus push(const JointVector& qdd) {
-        JointVector torque;
-        calcInverseDynamics(dynamics, qdd, torque);
-        const FilterStatus status = filter.filter({state, torque, dynamics}, decision);
-        if (status <= FilterStatus::Infeasible) {
-            calcHeldMotion({state, torque, dynamics}, status, decision, kTick_s, motion);
-            advanceNominal(decision, kTick_s, state);
-            model_.calcDynamics(state.q, state.qd, dynamics);
-            t += kTick_s;
-        }
-        return status;
-    }
     double findDistance() const {
-        if (!checker_) checker_ = std::make_unique<CollisionChecker>(robot_, geometry, environment);
+        if (!checker_) checker_ = std::make_unique<CollisionChecker>(robot, geometry, environment);
         return checker_->findContact(state.q, t, 0.5).distance;
     }
 
     Environment environment;
+    SurroundingsFeed feed;
 
 private:
-    RobotDescription robot_;
-
-public:
-    ArmGeometry geometry;
-
-private:
-    RobotModel model_;
-    std::optional<RunSetup> setup_;
+    RunSetup setup_;
     WholeArmBrakingOptions options_;
     mutable std::unique_ptr<CollisionChecker> checker_;
-
-public:
-    SurroundingsFeed feed;
-    WholeArmBrakingFilter filter;
-    MotionState state;
-    Dynamics dynamics;
-    FilterDecision decision;
-    HeldMotion motion;  ///< of the last decision
-    double t = 0.0;
 };
 
 JointVector turned(const JointVector& q, int joint, double angle) {
@@ -134,7 +88,7 @@ TEST(WholeArmBraking, AThinPlateBetweenTwoLooksIsNotMissed) {
         environment.solids.push_back(plate);
         ArmAmongObstacles arm(environment);
         arm.configure();
-        const JointVector goal = turned(arm.robot().home, 0, 3.0);
+        const JointVector goal = turned(arm.robot.home, 0, 3.0);
         double least = kInfinity;
         for (int tick = 0; tick < 3000; ++tick) {
             arm.goTo(goal, 400.0);
@@ -142,7 +96,7 @@ TEST(WholeArmBraking, AThinPlateBetweenTwoLooksIsNotMissed) {
         }
         EXPECT_GT(least, -kAllowed_m) << angle;
         EXPECT_LT(least, 0.02) << "it never came near the plate";
-        EXPECT_LT(arm.state.q[0], arm.robot().home[0] + angle);
+        EXPECT_LT(arm.state.q[0], arm.robot.home[0] + angle);
     }
 }
 
@@ -157,17 +111,17 @@ TEST(WholeArmBraking, MovingAwayIsPossibleAtOnce) {
         options.joints.kAlpha = kAlpha;
         ArmAmongObstacles arm(environment, options);
         arm.configure();
-        for (int tick = 0; tick < 4000; ++tick) arm.goTo(turned(arm.robot().home, 0, 2.0));
+        for (int tick = 0; tick < 4000; ++tick) arm.goTo(turned(arm.robot.home, 0, 2.0));
         const double touching = arm.findDistance();
         EXPECT_LT(touching, 0.045);
         EXPECT_GE(touching, 0.03 - kAllowed_m);
         // Until it is a microradian away; and how long full jerk takes from the same state, were there no plate.
-        const double at = arm.state.q[0], fullJerk = arm.robot().limits.jerk.lower[0];
+        const double at = arm.state.q[0], fullJerk = arm.robot.limits.jerk.lower[0];
         AxisState free{at, arm.state.qd[0], arm.state.qdd[0]};
         int least = 0, delay = 0;
         for (; !(free.p < at - 1e-6); ++least) free = advance(free, fullJerk, kTick_s);
         for (; !(arm.state.q[0] < at - 1e-6) && delay < 200; ++delay) {
-            arm.goTo(arm.robot().home);
+            arm.goTo(arm.robot.home);
             if (delay == 0) {
                 EXPECT_EQ(arm.decision.value[0], fullJerk);
             }
@@ -175,8 +129,8 @@ TEST(WholeArmBraking, MovingAwayIsPossibleAtOnce) {
         std::printf("  k_alpha %g: %.1f mm from the plate, away by a microradian after %d ticks; at full jerk %d\n",
                     kAlpha, 1e3 * touching, delay, least);
         EXPECT_LE(delay, least + 2);
-        for (int tick = 0; tick < 4000; ++tick) arm.goTo(arm.robot().home);
-        EXPECT_NEAR(arm.state.q[0], arm.robot().home[0], 1e-3);
+        for (int tick = 0; tick < 4000; ++tick) arm.goTo(arm.robot.home);
+        EXPECT_NEAR(arm.state.q[0], arm.robot.home[0], 1e-3);
     }
 }
 
@@ -188,7 +142,7 @@ TEST(WholeArmBraking, WithoutAnythingAroundItIsCertifiedBrakingToTheLastBit) {
     arm.geometry.pairs.clear();
     arm.configure();
     CertifiedBrakingFilter filter;
-    const RunSetup setup{plain.robot(), plain.robot().limits, kTick_s, 60.0, plain.state, plain.dynamics.tool};
+    const RunSetup setup{plain.robot, plain.robot.limits, kTick_s, 60.0, plain.state, plain.dynamics.tool};
     filter.configure(setup, options.joints);
     std::mt19937 random(3);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
@@ -292,10 +246,10 @@ TEST(WholeArmBraking, MotorsBearEveryTickAndEveryStop) {
         RobotModel model(loaded);
         std::mt19937 random(5);
         std::uniform_real_distribution<double> share(-1.0, 1.0);
-        JointVector goal = arm.robot().home;
+        JointVector goal = arm.robot.home;
         for (int tick = 0; tick < 6000; ++tick) {
             if (tick % 700 == 0)
-                for (int i = 0; i < 6; ++i) goal[i] = arm.robot().home[i] + 1.2 * share(random);
+                for (int i = 0; i < 6; ++i) goal[i] = arm.robot.home[i] + 1.2 * share(random);
             ASSERT_LE(arm.goTo(goal, 900.0), FilterStatus::Recovering) << tick;
             const auto see = [&](const JointVector& torque) {
                 const JointVector limit = loaded.actuation.torqueLimit;
@@ -377,7 +331,7 @@ TEST(WholeArmBraking, TheClearanceItTellsIsALowerBoundInItsTick) {
         } catch (const Error&) {
             continue;  // the shelf is where it starts
         }
-        JointVector goal = arm.robot().home;
+        JointVector goal = arm.robot.home;
         for (int tick = 0; tick < 3000; ++tick) {
             if (tick % 400 == 0)
                 for (int i = 0; i < 6; ++i) goal[i] = 2.0 * share(random);
@@ -403,7 +357,7 @@ TEST(WholeArmBraking, TheClearanceItTellsIsALowerBoundInItsTick) {
 TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
     ArmAmongObstacles arm(Environment{});
     arm.configure();
-    const JointVector there = turned(arm.robot().home, 0, 1.0);
+    const JointVector there = turned(arm.robot.home, 0, 1.0);
     for (int tick = 0; tick < 250; ++tick) arm.goTo(there);
     ASSERT_GT(arm.state.qd[0], 0.3);
     Environment sudden;
@@ -425,7 +379,7 @@ TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
     }
     EXPECT_LT(reported, 0.0) << "it tells that it is in collision";
     // It stands beyond the middle of the ball: the way out is onward.
-    const JointVector out = turned(arm.robot().home, 0, 1.8);
+    const JointVector out = turned(arm.robot.home, 0, 1.8);
     for (int tick = 0; tick < 3000; ++tick) {
         arm.goTo(out);
         ASSERT_GE(arm.findDistance(), deepest - 0.006) << tick;  // a look's guard, 5 mm, and what the field gives away
@@ -440,7 +394,7 @@ TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) 
         WholeArmBrakingOptions options;
         ArmAmongObstacles arm(Environment{}, options);
         arm.configure();
-        const JointVector there = turned(arm.robot().home, 0, 2.0);
+        const JointVector there = turned(arm.robot.home, 0, 2.0);
         for (int tick = 0; tick < 250; ++tick) arm.goTo(there);
         ASSERT_GT(arm.state.qd[0], 0.3);
         Environment sudden;
@@ -464,7 +418,7 @@ TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) 
                 << tick;
             ASSERT_TRUE(isFinite(arm.decision.value, 6)) << tick;
             for (int i = 0; i < 6; ++i) {
-                const AxisLimits axis = arm.robot().limits.axis(i);
+                const AxisLimits axis = arm.robot.limits.axis(i);
                 ASSERT_LE(std::abs(arm.state.qd[i]), axis.velocityUpper * (1.0 + 1e-9)) << tick;
                 ASSERT_LE(std::abs(arm.state.qdd[i]), axis.accelerationUpper * (1.0 + 1e-9)) << tick;
                 ASSERT_LE(std::abs(arm.decision.value[i]), axis.jerkUpper * (1.0 + 1e-9)) << tick;
@@ -473,7 +427,7 @@ TEST(Fault60, ABallThatIsQuickerThanTheArmIsBrakedForAndReportedWhileItTouches) 
             for (const JointIntervention& joint : arm.decision.joints) acts |= joint.limit == LimitKind::Clearance;
             braked += acts;
             if (!isThere) continue;
-            CollisionChecker checker(arm.robot(), arm.geometry, now);
+            CollisionChecker checker(arm.robot, arm.geometry, now);
             const bool touches = checker.findContact(q, arm.t, 0.5).distance < -1e-6;
             const bool tells = arm.decision.reports[LimitKind::Clearance].isKnown &&
                                arm.decision.reports[LimitKind::Clearance].margin < 0.0;
@@ -500,7 +454,7 @@ TEST(Fault61, SurroundingsTooLongAgoStopTheArmUntilNewerOnesCome) {
     options.maxAge_s = 0.2;
     ArmAmongObstacles arm(Environment{}, options);
     arm.configure();
-    const JointVector there = turned(arm.robot().home, 0, 2.0);
+    const JointVector there = turned(arm.robot.home, 0, 2.0);
     for (int tick = 0; tick < 1000; ++tick) arm.goTo(there);
     EXPECT_EQ(arm.state.qd.lpNorm<Eigen::Infinity>(), 0.0);
     EXPECT_GT(arm.decision.reports[LimitKind::Clearance].age_s, 0.9);
@@ -528,7 +482,7 @@ TEST(Fault61, SurroundingsExchangedWhileTheArmMoves) {
             ++puts;
         }
     });
-    const JointVector there = turned(quiet.robot().home, 0, 2.0);
+    const JointVector there = turned(quiet.robot.home, 0, 2.0);
     double least = kInfinity;
     for (int tick = 0; tick < 1500; ++tick) {
         quiet.goTo(there);
@@ -554,7 +508,7 @@ TEST(WholeArmBraking, AStartTooNearIsRefusedWithLinkObstacleAndDistance) {
     options.joints.recovery = true;
     ArmAmongObstacles led(environment, options);
     led.configure();
-    for (int tick = 0; tick < 3000; ++tick) led.goTo(turned(led.robot().home, 0, 1.0));
+    for (int tick = 0; tick < 3000; ++tick) led.goTo(turned(led.robot.home, 0, 1.0));
     EXPECT_GE(led.findDistance(), 0.02 - kAllowed_m) << "it is led out";
 }
 
@@ -571,7 +525,7 @@ TEST(WholeArmBraking, AllocatesNothingBesideObstacles) {
     arm.configure();
     std::mt19937 random(1);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
-    JointVector goal = arm.robot().home;
+    JointVector goal = arm.robot.home;
     // New ones now and then, one of them in the arm's way: made before, put by another thread in a real loop.
     Environment nearer = environment;
     nearer.solids.push_back(

@@ -2,7 +2,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <vector>
 
 #include "analysis/records/MotionRecord.h"
 

@@ -6,11 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "Complaint.h"
 #include "ExpectContains.h"
 #include "RobotFolder.h"
 #include "robot/ArmRecursion.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -6,8 +6,6 @@
 
 #include "Effort.h"
 #include "SyntheticRecord.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 // Verdicts over a population of records with a known truth, and what is said of them.
 

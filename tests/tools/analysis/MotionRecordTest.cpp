@@ -6,7 +6,6 @@
 
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::test {
 namespace {

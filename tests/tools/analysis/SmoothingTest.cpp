@@ -1,17 +1,11 @@
 #include "analysis/smoothing/Smoothing.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-
 #include "Complaint.h"
 #include "DifferentiatorSupport.h"
 #include "Effort.h"
 #include "SyntheticRecord.h"
 #include "analysis/smoothing/BandedLdl.h"
 #include "analysis/smoothing/Readings.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 // Is what the smoothing says true, and is its error what it says it is?
 

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <random>
-#include <vector>
 
 #include "analysis/records/MotionRecord.h"
 

@@ -4,24 +4,17 @@
 #include <gtest/gtest.h>
 
 #include <cfenv>
-#include <cmath>
 #include <functional>
 #include <random>
 #include <set>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "Effort.h"
 #include "Paths.h"
 #include "environment/CollisionChecker.h"
 #include "tracking/ToolFollower.h"
-#include "viable/core/Numbers.h"
-#include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/loop/ReferenceGuard.h"
 #include "viable/loop/TorqueGuard.h"
-#include "viable/robot/ArmGeometry.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

@@ -1,10 +1,7 @@
 // A made-up machine with everything, and then with one thing worse at a time: what is told, and its remedy.
 #include "doctor/MachineCheck.h"
 
-#include <sched.h>
-
 #include <cerrno>
-#include <cstdint>
 #include <functional>
 #include <set>
 

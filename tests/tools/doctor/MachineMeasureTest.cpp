@@ -1,15 +1,12 @@
 #include "doctor/MachineMeasure.h"
 
 #include <gtest/gtest.h>
-#include <sched.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdint>
-#include <string>
 #include <system_error>
 
 // The library's sockets come by here, which may refuse them.

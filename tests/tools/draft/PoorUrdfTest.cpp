@@ -1,6 +1,5 @@
 #include <chrono>
 
-#include "Complaint.h"
 #include "ExpectContains.h"
 #include "RobotFolder.h"
 #include "core/Text.h"

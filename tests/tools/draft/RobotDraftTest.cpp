@@ -2,7 +2,6 @@
 #include "draft/RobotDraft.h"
 
 #include <cmath>
-#include <limits>
 #include <random>
 
 #include "RobotFolder.h"

@@ -1,12 +1,9 @@
 // What a run says of an arm that does not follow, of gains that it cannot carry, and of a job that is not done.
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "viable/core/Numbers.h"
-#include "viable/tracking/LoopStability.h"
 
 namespace viable::test {
 namespace {

@@ -5,7 +5,6 @@
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "config/Draws.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable::test {
 namespace {

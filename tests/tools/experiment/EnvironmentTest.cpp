@@ -1,11 +1,9 @@
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "records/LogReader.h"
 #include "sweep/SweepRow.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable::test {
 namespace {

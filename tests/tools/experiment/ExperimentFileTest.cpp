@@ -4,7 +4,6 @@
 
 #include "CaseSupport.h"
 #include "viable/filter/BrakingPolicyFilter.h"
-#include "viable/tracking/Nric.h"
 
 namespace viable::test {
 namespace {

@@ -1,11 +1,7 @@
 // An arm that is held, and readings that cannot be: the motors give no more than the robust loop's authority, and the real arm
 // runs no faster than it may.
-#include <gtest/gtest.h>
 
-#include <cmath>
-#include <cstdio>
 #include <cstring>
-#include <random>
 
 #include "CaseSupport.h"
 #include "Effort.h"

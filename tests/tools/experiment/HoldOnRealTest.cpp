@@ -1,5 +1,4 @@
 #include "CaseSupport.h"
-#include "viable/config/ConfigNode.h"
 
 // limits: {hold_on: real} and disturbance_set in experiment files.
 

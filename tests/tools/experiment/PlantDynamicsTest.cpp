@@ -1,6 +1,3 @@
-#include <algorithm>
-#include <cstdio>
-#include <utility>
 
 #include "CaseSupport.h"
 #include "config/Draws.h"

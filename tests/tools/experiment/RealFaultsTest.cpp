@@ -1,14 +1,8 @@
 // What goes wrong around a real arm, in whole runs: the nominal arm is as without it, and the run is good, or tripped with a
 // cause that is true.
 
-#include <cmath>
-#include <cstdio>
-#include <functional>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "viable/core/Numbers.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable::test {
 namespace {

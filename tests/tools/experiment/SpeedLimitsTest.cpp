@@ -3,7 +3,6 @@
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "records/LogReader.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::test {
 namespace {

@@ -1,6 +1,5 @@
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "viable/config/ConfigNode.h"
 
 // stream: the command comes over a line.
 

@@ -1,9 +1,5 @@
 #include "live/LiveSession.h"
 
-#include <array>
-#include <chrono>
-#include <cmath>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "live/Replay.h"

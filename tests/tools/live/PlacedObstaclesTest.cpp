@@ -1,17 +1,11 @@
-#include "live/PlacedObstacles.h"
 
-#include <chrono>
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <random>
-#include <thread>
 
 #include "CaseSupport.h"
 #include "ExpectContains.h"
 #include "environment/CollisionChecker.h"
 #include "live/LiveSession.h"
 #include "live/Replay.h"
-#include "log/LogWriter.h"
 #include "records/LogReader.h"
 
 namespace viable::test {

@@ -1,10 +1,7 @@
 #include "live/Replay.h"
 
-#include <cmath>
-
 #include "CaseSupport.h"
 #include "ExpectContains.h"
-#include "log/LogWriter.h"
 #include "records/LogReader.h"
 
 namespace viable::test {

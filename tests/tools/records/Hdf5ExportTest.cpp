@@ -2,7 +2,6 @@
 #include <sys/resource.h>
 
 #include <csignal>
-#include <map>
 
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
@@ -203,83 +202,56 @@ TEST_F(Hdf5ExportTest, EveryValueOfEveryColumnComesBack) {
 }
 
 /** Every column of a run with one joint: path in the file and unit; words have none. */
-const std::map<std::string, std::string> kUnits = {
-    {"/time_s", "s"},
-    {"/nominal/joint0/q_rad", "rad"},
-    {"/nominal/joint0/qd_radps", "rad/s"},
-    {"/nominal/joint0/qdd_radps2", "rad/s^2"},
-    {"/nominal/joint0/jerk_radps3", "rad/s^3"},
-    {"/nominal/tool/x_m", "m"},
-    {"/nominal/tool/y_m", "m"},
-    {"/nominal/tool/z_m", "m"},
-    {"/nominal/tool/qx", "1"},
-    {"/nominal/tool/qy", "1"},
-    {"/nominal/tool/qz", "1"},
-    {"/nominal/tool/qw", "1"},
-    {"/real/joint0/q_rad", "rad"},
-    {"/real/joint0/qd_radps", "rad/s"},
-    {"/actual/joint0/q_rad", "rad"},
-    {"/actual/joint0/qd_radps", "rad/s"},
-    {"/desired/joint0/tau_Nm", "Nm"},
-    {"/filter/joint0/tau_Nm", "Nm"},
-    {"/filter/joint0/active", ""},
-    {"/filter/joint0/tau_removed_Nm", "Nm"},
-    {"/filter/joint0/margin_rad", "rad"},
-    {"/filter/joint0/stop_s", "s"},
-    {"/filter/joint0/rest_rad", "rad"},
-    {"/clearance/known", "1"},
-    {"/clearance/distance_m", "m"},
-    {"/clearance/link", "1"},
-    {"/clearance/obstacle", "1"},
-    {"/clearance/other_link", "1"},
-    {"/clearance/on_arm/x_m", "m"},
-    {"/clearance/on_arm/y_m", "m"},
-    {"/clearance/on_arm/z_m", "m"},
-    {"/clearance/on_obstacle/x_m", "m"},
-    {"/clearance/on_obstacle/y_m", "m"},
-    {"/clearance/on_obstacle/z_m", "m"},
-    {"/clearance/map_age_s", "s"},
-    {"/speed/known", "1"},
-    {"/speed/largest_mps", "m/s"},
-    {"/speed/limit_mps", "m/s"},
-    {"/speed/link", "1"},
-    {"/limits/joint0/position_lower_rad", "rad"},
-    {"/limits/joint0/position_upper_rad", "rad"},
-    {"/limits/joint0/velocity_lower_radps", "rad/s"},
-    {"/limits/joint0/velocity_upper_radps", "rad/s"},
-    {"/limits/joint0/acceleration_lower_radps2", "rad/s^2"},
-    {"/limits/joint0/acceleration_upper_radps2", "rad/s^2"},
-    {"/limits/joint0/jerk_lower_radps3", "rad/s^3"},
-    {"/limits/joint0/jerk_upper_radps3", "rad/s^3"},
-    {"/robust/joint0/tau_Nm", "Nm"},
-    {"/motor/joint0/tau_Nm", "Nm"},
-    {"/command/tool/x_m", "m"},
-    {"/command/tool/y_m", "m"},
-    {"/command/tool/z_m", "m"},
-    {"/command/tool/qx", "1"},
-    {"/command/tool/qy", "1"},
-    {"/command/tool/qz", "1"},
-    {"/command/tool/qw", "1"},
-    {"/command/tool/vx_mps", "m/s"},
-    {"/command/tool/vy_mps", "m/s"},
-    {"/command/tool/vz_mps", "m/s"},
-    {"/command/tool/wx_radps", "rad/s"},
-    {"/command/tool/wy_radps", "rad/s"},
-    {"/command/tool/wz_radps", "rad/s"},
-    {"/tick/status", ""},
-    {"/tick/braking", "1"},
-    {"/tick/missed", "1"},
-    {"/tick/stop", ""},
-    {"/tick/substituted", "1"},
-    {"/tick/compute_us", "us"},
-    {"/tick/command_us", "us"},
-    {"/tick/dynamics_us", "us"},
-    {"/tick/controller_us", "us"},
-    {"/tick/filter_us", "us"},
-    {"/tick/robust_us", "us"},
-    {"/tick/plant_us", "us"},
-    {"/tick/record_us", "us"},
-};
+std::map<std::string, std::string> listUnits() {
+    const struct {
+        const char *folder, *unit;
+        std::vector<const char*> names;
+    } groups[] = {
+        {"/", "s", {"time_s"}},
+        {"/nominal/joint0/", "rad", {"q_rad"}},
+        {"/nominal/joint0/", "rad/s", {"qd_radps"}},
+        {"/nominal/joint0/", "rad/s^2", {"qdd_radps2"}},
+        {"/nominal/joint0/", "rad/s^3", {"jerk_radps3"}},
+        {"/nominal/tool/", "m", {"x_m", "y_m", "z_m"}},
+        {"/nominal/tool/", "1", {"qx", "qy", "qz", "qw"}},
+        {"/real/joint0/", "rad", {"q_rad"}},
+        {"/real/joint0/", "rad/s", {"qd_radps"}},
+        {"/actual/joint0/", "rad", {"q_rad"}},
+        {"/actual/joint0/", "rad/s", {"qd_radps"}},
+        {"/desired/joint0/", "Nm", {"tau_Nm"}},
+        {"/filter/joint0/", "Nm", {"tau_Nm", "tau_removed_Nm"}},
+        {"/filter/joint0/", "", {"active"}},
+        {"/filter/joint0/", "rad", {"margin_rad", "rest_rad"}},
+        {"/filter/joint0/", "s", {"stop_s"}},
+        {"/clearance/", "1", {"known", "link", "obstacle", "other_link"}},
+        {"/clearance/", "m", {"distance_m"}},
+        {"/clearance/on_arm/", "m", {"x_m", "y_m", "z_m"}},
+        {"/clearance/on_obstacle/", "m", {"x_m", "y_m", "z_m"}},
+        {"/clearance/", "s", {"map_age_s"}},
+        {"/speed/", "1", {"known", "link"}},
+        {"/speed/", "m/s", {"largest_mps", "limit_mps"}},
+        {"/limits/joint0/", "rad", {"position_lower_rad", "position_upper_rad"}},
+        {"/limits/joint0/", "rad/s", {"velocity_lower_radps", "velocity_upper_radps"}},
+        {"/limits/joint0/", "rad/s^2", {"acceleration_lower_radps2", "acceleration_upper_radps2"}},
+        {"/limits/joint0/", "rad/s^3", {"jerk_lower_radps3", "jerk_upper_radps3"}},
+        {"/robust/joint0/", "Nm", {"tau_Nm"}},
+        {"/motor/joint0/", "Nm", {"tau_Nm"}},
+        {"/command/tool/", "m", {"x_m", "y_m", "z_m"}},
+        {"/command/tool/", "1", {"qx", "qy", "qz", "qw"}},
+        {"/command/tool/", "m/s", {"vx_mps", "vy_mps", "vz_mps"}},
+        {"/command/tool/", "rad/s", {"wx_radps", "wy_radps", "wz_radps"}},
+        {"/tick/", "", {"status", "stop"}},
+        {"/tick/", "1", {"braking", "missed", "substituted"}},
+        {"/tick/",
+         "us",
+         {"compute_us", "command_us", "dynamics_us", "controller_us", "filter_us", "robust_us", "plant_us",
+          "record_us"}},
+    };
+    std::map<std::string, std::string> units;
+    for (const auto& group : groups)
+        for (const char* name : group.names) units[std::string(group.folder) + name] = group.unit;
+    return units;
+}
 
 TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
@@ -288,7 +260,7 @@ TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));
     std::vector<std::string> paths;
-    for (const auto& [name, unit] : kUnits) {
+    for (const auto& [name, unit] : listUnits()) {
         paths.push_back(name);
         EXPECT_EQ(file.hasAttribute(name, "words"), unit.empty()) << name;
         EXPECT_EQ(file.hasAttribute(name, "units"), !unit.empty()) << name;
@@ -392,7 +364,7 @@ TEST_F(Hdf5ExportTest, ALogWithoutRowsHasEveryColumnEmpty) {
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), {}).bytes);
     exportHdf5(path("run.mcap"), path("run.h5"));
     const Hdf5File file(path("run.h5"));
-    EXPECT_EQ(file.listDatasets().size(), kUnits.size());
+    EXPECT_EQ(file.listDatasets().size(), listUnits().size());
     EXPECT_TRUE(file.readNumbers("/time_s").empty());
     EXPECT_TRUE(file.readIntegers("/tick/missed").empty());
     EXPECT_TRUE(file.readWords("/tick/status").empty());

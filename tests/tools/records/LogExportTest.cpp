@@ -3,7 +3,6 @@
 #include <sys/resource.h>
 
 #include <csignal>
-#include <map>
 
 #include "LogTestSupport.h"
 #include "Paths.h"

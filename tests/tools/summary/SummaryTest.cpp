@@ -1,10 +1,5 @@
 #include "ExpectContains.h"
-#include "summary/Summary.h"
 #include "summary/SummaryFigures.h"
-#include "viable/core/Numbers.h"
-
-#include <nlohmann/json.hpp>
-#include <set>
 
 #include "CaseSupport.h"
 

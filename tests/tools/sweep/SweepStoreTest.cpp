@@ -1,6 +1,5 @@
 #include "sweep/SweepStore.h"
 
-#include <gtest/gtest.h>
 #include <sqlite3.h>
 
 #include <sstream>
@@ -8,8 +7,6 @@
 #include "Complaint.h"
 #include "ExpectContains.h"
 #include "TemporaryFolder.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 namespace {

@@ -2,13 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <set>
 
 #include "analysis/identification/TorqueFit.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -518,33 +515,13 @@ Identification Estimator::report() const {
 }  // namespace
 
 const char* getName(FrictionForm form) {
-    switch (form) {
-        case FrictionForm::Saturating:
-            return "saturating";
-        case FrictionForm::KnownVelocity:
-            return "known_velocity";
-        case FrictionForm::Line:
-            return "line";
-        case FrictionForm::CoulombOnly:
-            return "coulomb_only";
-        case FrictionForm::None:
-            break;
-    }
-    return "none";
+    return detail::enumName<FrictionForm::None>(form, {"saturating", "known_velocity", "line", "coulomb_only", "none"},
+                                                "none");
 }
 
 const char* getName(ModelVerdict verdict) {
-    switch (verdict) {
-        case ModelVerdict::Adequate:
-            return "adequate";
-        case ModelVerdict::Approximate:
-            return "approximate";
-        case ModelVerdict::Doubtful:
-            return "doubtful";
-        case ModelVerdict::NotIdentified:
-            break;
-    }
-    return "not identified";
+    return detail::enumName<ModelVerdict::Doubtful>(verdict, {"not identified", "adequate", "approximate", "doubtful"},
+                                                    "not identified");
 }
 
 bool Identification::anyFriction() const {

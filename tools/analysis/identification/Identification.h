@@ -1,10 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
-#include <limits>
-#include <string>
-#include <vector>
 
 #include "analysis/records/MotionRecord.h"
 #include "viable/robot/RobotDescription.h"

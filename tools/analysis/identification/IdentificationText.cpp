@@ -1,9 +1,6 @@
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <iterator>
-#include <nlohmann/json.hpp>
 
 #include "analysis/identification/Identification.h"
 #include "core/JsonNumber.h"
@@ -223,15 +220,7 @@ nlohmann::json toJson(const IdentifiedFigure& f) {
 }
 
 const char* getName(PayloadModel model) {
-    switch (model) {
-        case PayloadModel::Mass:
-            return "mass";
-        case PayloadModel::MassAndCentre:
-            return "mass_and_centre";
-        case PayloadModel::None:
-            break;
-    }
-    return "none";
+    return detail::enumName<PayloadModel::MassAndCentre>(model, {"none", "mass", "mass_and_centre"}, "none");
 }
 
 }  // namespace

@@ -1,16 +1,13 @@
 #include "analysis/identification/TorqueEquations.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <cmath>
 #include <deque>
-#include <limits>
 
 #include "analysis/smoothing/Median.h"
 #include "analysis/smoothing/Smoothing.h"
 #include "core/Text.h"
 #include "robot/ArmRecursion.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "viable/core/Numbers.h"
-
 namespace viable::detail {
 
 namespace {

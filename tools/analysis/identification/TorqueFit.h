@@ -1,8 +1,6 @@
 #pragma once
 
-#include <array>
 #include <functional>
-#include <vector>
 
 #include "analysis/identification/BlockRegression.h"
 #include "analysis/identification/TorqueEquations.h"

@@ -1,12 +1,10 @@
 #include "analysis/records/CsvColumns.h"
 
 #include <algorithm>
-#include <optional>
 #include <string_view>
 
 #include "analysis/records/RecordReaders.h"
 #include "config/ConfigText.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "analysis/records/MotionRecord.h"
 
 namespace viable::detail {

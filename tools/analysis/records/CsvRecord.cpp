@@ -3,8 +3,6 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
-#include <limits>
-#include <optional>
 #include <string_view>
 #include <system_error>
 

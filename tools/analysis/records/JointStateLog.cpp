@@ -1,8 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <limits>
-#include <map>
 #include <set>
 
 #include "analysis/records/RecordReaders.h"

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-
 #include "analysis/records/MotionRecord.h"
 #include "viable/core/Error.h"
 

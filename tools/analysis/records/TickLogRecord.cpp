@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "analysis/records/RecordReaders.h"
 #include "core/Text.h"

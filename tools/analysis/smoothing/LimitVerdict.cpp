@@ -1,12 +1,9 @@
 #include "analysis/smoothing/LimitVerdict.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "analysis/smoothing/Median.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
+#include "core/Text.h"
 
 namespace viable {
 
@@ -300,17 +297,7 @@ double calcExcessScale(std::size_t order, double lower, double upper) {
 }
 
 const char* getName(Finding finding) {
-    switch (finding) {
-        case Finding::NoLimit:
-            return "no_limit";
-        case Finding::Held:
-            return "held";
-        case Finding::Broken:
-            return "broken";
-        case Finding::CannotTell:
-            return "cannot_tell";
-    }
-    return "";
+    return detail::enumName<Finding::CannotTell>(finding, {"no_limit", "held", "broken", "cannot_tell"}, "");
 }
 
 Finding RecordVerdict::overall() const {

@@ -1,11 +1,5 @@
 #pragma once
 
-#include <array>
-#include <limits>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "analysis/records/MotionRecord.h"
 #include "analysis/smoothing/Smoothing.h"
 

@@ -1,9 +1,7 @@
 #include "analysis/smoothing/Readings.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "analysis/records/MotionRecord.h"
 #include "analysis/smoothing/Median.h"

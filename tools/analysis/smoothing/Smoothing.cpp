@@ -1,9 +1,5 @@
 #include "analysis/smoothing/Smoothing.h"
 
-#include <algorithm>
-#include <cmath>
-#include <optional>
-
 #include "analysis/records/MotionRecord.h"
 #include "analysis/smoothing/SplineSearch.h"
 #include "viable/core/Error.h"

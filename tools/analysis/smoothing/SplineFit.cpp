@@ -1,7 +1,6 @@
 #include "analysis/smoothing/SplineFit.h"
 
 #include <Eigen/Dense>
-#include <algorithm>
 
 namespace viable::detail {
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
-#include <vector>
 
 #include "analysis/smoothing/BandedLdl.h"
 #include "analysis/smoothing/Readings.h"

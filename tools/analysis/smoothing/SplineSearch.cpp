@@ -1,8 +1,5 @@
 #include "analysis/smoothing/SplineSearch.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "analysis/records/MotionRecord.h"
 
 namespace viable::detail {

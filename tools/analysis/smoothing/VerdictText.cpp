@@ -1,11 +1,8 @@
 #include <algorithm>
-#include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "analysis/smoothing/LimitVerdict.h"
 #include "core/JsonNumber.h"
 #include "core/Text.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,12 +1,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <charconv>
-#include <chrono>
-#include <csignal>
-#include <cstdio>
-#include <memory>
 #include <thread>
 
 #include "command/Commands.h"

@@ -3,15 +3,11 @@
 #include <dlfcn.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
 
 #include "SweepPipe.h"
 #include "command/sweep/mpi/MpiModule.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <functional>
-
 #include "SweepSupervisor.h"
 
 namespace viable {

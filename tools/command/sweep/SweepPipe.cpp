@@ -5,11 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cerrno>
-#include <csignal>
 #include <cstdint>
 #include <cstring>
-#include <system_error>
 #include <utility>
 
 #include "core/ChildProcess.h"

@@ -7,16 +7,10 @@
 #include <tbb/task_arena.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <chrono>
-#include <cstdio>
 #include <mutex>
-#include <optional>
-#include <set>
 
 #include "SweepPipe.h"
 #include "command/CrashHandler.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

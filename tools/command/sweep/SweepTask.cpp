@@ -1,16 +1,10 @@
 #include "SweepTask.h"
 
-#include <algorithm>
-#include <chrono>
-#include <cmath>
-
 #include "command/Commands.h"
 #include "command/ExperimentArguments.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "experiment/CaseRun.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,11 +1,5 @@
 #pragma once
 
-#include <atomic>
-#include <functional>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "config/Draws.h"
 #include "sweep/SweepStore.h"
 

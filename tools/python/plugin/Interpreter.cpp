@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cstdlib>
 #include <mutex>
-#include <string>
 
 #include "HostSource.h"
 #include "viable/core/Error.h"

@@ -1,12 +1,8 @@
 #include "PythonObject.h"
 
-#include <cstdint>
-#include <exception>
-
 #include "../src/Arrays.h"
 #include "host/PluginCall.h"
 #include "host/PythonClass.h"
-#include "viable/config/ConfigNode.h"
 
 namespace viable::python {
 

@@ -2,8 +2,6 @@
 
 #include <pybind11/numpy.h>
 
-#include <string>
-
 #include "Interpreter.h"
 #include "viable/plugin/Plugin.h"
 

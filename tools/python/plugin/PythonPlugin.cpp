@@ -2,7 +2,6 @@
 // `plugin: FILE.py:CLASS`.
 #include <cmath>
 #include <iterator>
-#include <string>
 
 #include "../src/Arrays.h"
 #include "PythonObject.h"

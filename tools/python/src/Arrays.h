@@ -4,10 +4,8 @@
 #include <pybind11/pybind11.h>
 
 #include <optional>
-#include <string>
 #include <string_view>
 
-#include "viable/core/Error.h"
 #include "viable/core/JointLimits.h"
 #include "viable/core/JointTypes.h"
 

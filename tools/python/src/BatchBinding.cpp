@@ -2,17 +2,11 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
-#include <cstdint>
-#include <memory>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "Keywords.h"
 #include "RobotBinding.h"
 #include "batch/ArmBatch.h"
 #include "viable/config/ConfigNode.h"
-#include "viable/core/Numbers.h"
 #include "viable/environment/Environment.h"
 
 namespace viable::python {

@@ -1,11 +1,6 @@
 #include <pybind11/stl.h>
 
 #include <exception>
-#include <memory>
-#include <stdexcept>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "Keywords.h"
 #include "RobotBinding.h"
@@ -18,29 +13,11 @@ namespace viable::python {
 namespace {
 
 const char* getName(GuardStop reason) {
-    switch (reason) {
-        case GuardStop::None:
-            return "none";
-        case GuardStop::Requested:
-            return "requested";
-        case GuardStop::LawFailed:
-            return "law_failed";
-        case GuardStop::NoReadings:
-            return "no_readings";
-        case GuardStop::TooFar:
-            return "too_far";
-        case GuardStop::TicksMissed:
-            return "ticks_missed";
-        case GuardStop::FilterFailed:
-            return "filter_failed";
-        case GuardStop::RobustLoopFailed:
-            return "robust_loop_failed";
-        case GuardStop::GuaranteeBroken:
-            return "guarantee_broken";
-        case GuardStop::LibraryFailed:
-            break;
-    }
-    return "library_failed";
+    return detail::enumName<GuardStop::LibraryFailed>(
+        reason,
+        {"none", "requested", "law_failed", "no_readings", "too_far", "ticks_missed", "filter_failed",
+         "robust_loop_failed", "guarantee_broken", "library_failed"},
+        "library_failed");
 }
 
 std::vector<std::string> listActing(const std::array<JointIntervention, kMaxJoints>& acting, int n) {

@@ -1,7 +1,6 @@
 #include "Keywords.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "config/ConfigText.h"
 #include "core/ErrorList.h"

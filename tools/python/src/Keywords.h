@@ -1,9 +1,6 @@
 #pragma once
 
-#include <deque>
 #include <functional>
-#include <string>
-#include <vector>
 
 #include "Arrays.h"
 #include "viable/config/Settings.h"

@@ -1,11 +1,5 @@
 #include <pybind11/stl.h>
 
-#include <cstdint>
-#include <map>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "Arrays.h"
 #include "records/LogReader.h"
 

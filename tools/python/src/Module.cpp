@@ -1,7 +1,6 @@
 #include <dlfcn.h>
 
 #include <exception>
-#include <string>
 
 #include "Arrays.h"
 #include "core/ErrorParts.h"

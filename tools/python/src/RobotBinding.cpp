@@ -5,13 +5,9 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <cmath>
-#include <utility>
-#include <vector>
 
 #include "core/Text.h"
 #include "viable/braking/Servo.h"
-#include "viable/core/Numbers.h"
-#include "viable/plugin/Plugin.h"
 #include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
 

@@ -28,12 +28,12 @@ struct ContactOptions {
         v(toolRadius, "contact_tool_radius_m", "m", "Of the ball around the tool frame's origin.").above(0).upTo(1);
         v(law, "contact_law", "spring|hertz",
           "How the force grows with the depth: as a spring, or as two round solids press each other.");
-        v(stiffness, "contact_stiffness_Npm", "N/m", "Of the spring.").above(0).upTo(1e9);
+        v(stiffness, "contact_stiffness_Npm", "N/m", "Of the spring.").above(0).upTo(1e8);
         v(modulus, "contact_modulus_Pa", "Pa", "Hertz: 1 / ((1 - nu1^2) / E1 + (1 - nu2^2) / E2).").above(0).upTo(1e13);
         v(dissipation, "contact_dissipation_spm", "s/m",
           "c: a blow at speed v comes back with 1 - c v of it, as long as that is nearly 1.")
             .atLeast(0)
-            .upTo(1e3);
+            .upTo(10);
         v(friction, "contact_friction", "", "Coulomb's coefficient, at rest and in motion.").atLeast(0).upTo(10);
     }
 };

@@ -1,11 +1,9 @@
 #include "robot/urdf/UrdfChecks.h"
 
 #include <algorithm>
-#include <cstdio>
 
 #include "core/Text.h"
 #include "robot/RigidBody.h"
-#include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
 
 namespace viable::detail {

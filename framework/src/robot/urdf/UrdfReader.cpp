@@ -6,12 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
-#include <set>
 
 #include "robot/RigidBody.h"
 #include "robot/urdf/UrdfChecks.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -1,10 +1,5 @@
 #pragma once
 
-#include <filesystem>
-#include <map>
-#include <string>
-#include <vector>
-
 #include "core/ErrorList.h"
 #include "robot/LinkShapes.h"
 #include "robot/urdf/UrdfDocument.h"

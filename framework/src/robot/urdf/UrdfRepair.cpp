@@ -4,10 +4,8 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <set>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
 
 namespace viable::detail {

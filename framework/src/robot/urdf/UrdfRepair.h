@@ -1,9 +1,5 @@
 #pragma once
 
-#include <map>
-#include <string>
-#include <vector>
-
 #include "core/ErrorList.h"
 #include "robot/urdf/UrdfDocument.h"
 
