@@ -216,7 +216,7 @@ bool ArmContact::Scene::findPlace(const Frames& frames, const Ball& ball, std::s
         const MovingSphere& sphere = spheres[obstacle - solids.size()];
         const Eigen::Vector3d now = sphere.calcCentre(time_s);
         found = findFromBall(centre - now, sphere.radius);
-        if (found.distance < ball.radius) ofObstacle = (sphere.calcCentre(time_s + kMoment_s) - now) / kMoment_s;
+        if (found.distance < ball.radius) ofObstacle = ArmContact::calcVelocity(sphere, time_s);
     } else if (!findCell(centre, ball.radius, found)) {
         return false;
     }
@@ -270,6 +270,10 @@ ArmContact::Shortest ArmContact::findShortest(const Solid& solid, const Eigen::V
     }
     VIABLE_CHECK(false, "a solid has one of the kinds");
     return {};
+}
+
+Eigen::Vector3d ArmContact::calcVelocity(const MovingSphere& sphere, double time_s) {
+    return (sphere.calcCentre(time_s + kMoment_s) - sphere.calcCentre(time_s)) / kMoment_s;
 }
 
 std::vector<double> ArmContact::findMobility(const RobotDescription& robot, const std::vector<Point>& points) {

@@ -44,8 +44,6 @@ constexpr double kSlipSoftness = 1e-4;
 constexpr double kSlipTime_s = 1e-3;
 constexpr double kSlipSteps = 2.0;
 constexpr double kLeastMobility = 1e-6;  // [1/kg]
-/** A moving sphere's velocity is its way in this time [s]. */
-constexpr double kMoment_s = 1e-6;
 
 }  // namespace
 
@@ -323,10 +321,8 @@ void MujocoPlant::accelerate(double time_s) {
         if (row < 0) continue;
         const Touch touch = readTouch(contact);
         Eigen::Vector3d ofObstacle = Eigen::Vector3d::Zero();
-        if (touch.obstacle >= solids_.size()) {
-            const MovingSphere& sphere = spheres_[touch.obstacle - solids_.size()];
-            ofObstacle = (sphere.calcCentre(time_s + kMoment_s) - sphere.calcCentre(time_s)) / kMoment_s;
-        }
+        if (touch.obstacle >= solids_.size())
+            ofObstacle = ArmContact::calcVelocity(spheres_[touch.obstacle - solids_.size()], time_s);
         for (int axis = 0; axis < contact.dim; ++axis) {
             const Eigen::Map<const Eigen::Vector3d> direction(contact.frame + 3 * axis);
             const double velocity = d.efc_vel[row + axis] - touch.side * direction.dot(ofObstacle);

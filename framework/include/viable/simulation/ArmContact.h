@@ -60,6 +60,8 @@ public:
     };
     /** The shortest way from the solid's surface to a point, both in the solid's frame. */
     static Shortest findShortest(const Solid& solid, const Eigen::Vector3d& p);
+    /** The velocity of a moving sphere at a time of the run [m/s]. */
+    static Eigen::Vector3d calcVelocity(const MovingSphere& sphere, double time_s);
 
     /** A point that moves along with a joint. */
     struct Point {
