@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <map>
-#include <ostream>
 #include <string>
 #include <vector>
 

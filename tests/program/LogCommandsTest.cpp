@@ -1,4 +1,3 @@
-#include <signal.h>
 
 #include "CaseSupport.h"
 #include "Program.h"

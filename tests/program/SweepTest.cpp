@@ -1,7 +1,6 @@
 // `viable sweep` from outside: the same table however it is run, and nothing lost whatever dies (faults 76 and 77).
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
 #include <thread>

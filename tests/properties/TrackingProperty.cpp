@@ -1,4 +1,3 @@
-#include <Eigen/Cholesky>
 #include <chrono>
 
 #include "DisturbedArm.h"

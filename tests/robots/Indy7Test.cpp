@@ -1,5 +1,4 @@
 #include <cmath>
-#include <random>
 
 #include "Figures.h"
 #include "Paths.h"

@@ -10,19 +10,13 @@
 #include "filter/JointBraking.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "host/FloatingPointGuard.h"
-#include "loop/Authority.h"
 #include "loop/GuardSetup.h"
 #include "loop/PathExtent.h"
 #include "robot/ArmRecursion.h"
 #include "tracking/ToolFollower.h"
-#include "viable/braking/Servo.h"
-#include "viable/environment/Surroundings.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/plugin/RealPlant.h"
-#include "viable/robot/ArmGeometry.h"
 #include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
-#include "viable/tracking/Nric.h"
 
 namespace viable {
 

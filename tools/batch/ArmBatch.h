@@ -1,10 +1,8 @@
 #pragma once
 
-#include "viable/core/JointLimits.h"
 #include "viable/environment/Environment.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/loop/GuardStatus.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -5,9 +5,6 @@
 #include "core/JsonNumber.h"
 #include "core/Text.h"
 #include "experiment/CaseForecast.h"
-#include "experiment/ConfiguredCase.h"
-#include "experiment/ExperimentFile.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

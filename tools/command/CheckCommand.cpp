@@ -5,7 +5,6 @@
 #include "config/Draws.h"
 #include "core/ErrorList.h"
 #include "experiment/CaseForecast.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -13,7 +13,6 @@
 #include "core/ChildProcess.h"
 #include "host/PluginCall.h"
 #include "log/Recorder.h"
-#include "viable/core/Error.h"
 #include "viable/testing/AllocationCounter.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

@@ -5,7 +5,6 @@
 #include "Commands.h"
 #include "records/LogExport.h"
 #include "records/LogReader.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

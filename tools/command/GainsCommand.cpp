@@ -4,9 +4,6 @@
 #include "core/Text.h"
 #include "loop/Authority.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
-#include "viable/plugin/Plugin.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/tracking/LoopStability.h"
 

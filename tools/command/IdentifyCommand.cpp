@@ -8,7 +8,6 @@
 #include "Commands.h"
 #include "analysis/identification/Identification.h"
 #include "core/WholeFile.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

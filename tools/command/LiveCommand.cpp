@@ -9,15 +9,12 @@
 #include "LiveKeys.h"
 #include "RunFolder.h"
 #include "StopSignals.h"
-#include "core/LatestValue.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "host/PythonClass.h"
-#include "live/LiveSession.h"
 #include "live/LiveStart.h"
 #include "page/LiveFrame.h"
 #include "page/PageServer.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -12,7 +12,6 @@
 #include "StopSignals.h"
 #include "core/ErrorParts.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -2,7 +2,6 @@
 
 #include "Commands.h"
 #include "host/PluginDescription.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

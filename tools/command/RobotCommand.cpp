@@ -6,7 +6,6 @@
 #include "RobotServer.h"
 #include "StopSignals.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

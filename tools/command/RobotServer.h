@@ -2,7 +2,6 @@
 
 #include "experiment/ConfiguredCase.h"
 #include "viable/link/viable_link_linux.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 

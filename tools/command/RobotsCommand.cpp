@@ -4,7 +4,6 @@
 
 #include "Commands.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {

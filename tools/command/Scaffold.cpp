@@ -12,7 +12,6 @@
 
 #include "core/Text.h"
 #include "core/WholeFile.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

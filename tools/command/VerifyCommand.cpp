@@ -7,7 +7,6 @@
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "report/RunReport.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {

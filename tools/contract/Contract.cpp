@@ -16,7 +16,6 @@
 #include <thread>
 
 #include "host/PluginLoader.h"
-#include "viable/core/Numbers.h"
 #include "viable/link/viable_link_linux.h"
 #include "viable/loop/NominalPlant.h"
 #include "viable/robot/RobotModel.h"

@@ -5,7 +5,6 @@
 #include "live/PlacedObstacles.h"
 #include "plugin/Teleoperation.h"
 #include "realtime/RealTimeSetup.h"
-#include "summary/LiveTiming.h"
 
 namespace viable {
 

@@ -2,7 +2,6 @@
 
 #include "core/Text.h"
 #include "experiment/ConfiguredCase.h"
-#include "host/PluginCall.h"
 
 namespace viable {
 

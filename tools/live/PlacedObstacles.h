@@ -3,7 +3,6 @@
 #include <mutex>
 
 #include "experiment/ConfiguredCase.h"
-#include "viable/environment/Surroundings.h"
 
 namespace viable {
 

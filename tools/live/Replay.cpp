@@ -6,7 +6,6 @@
 #include "experiment/ExperimentFile.h"
 #include "experiment/RunningCase.h"
 #include "live/PlacedObstacles.h"
-#include "log/LogSeries.h"
 #include "records/LogReader.h"
 
 namespace viable {

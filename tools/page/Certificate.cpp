@@ -18,11 +18,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <optional>
 
 #include "core/Text.h"
 #include "core/WholeFile.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

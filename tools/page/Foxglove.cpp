@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <stdexcept>
 
 #include "log/LogMessage.h"
 

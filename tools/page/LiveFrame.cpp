@@ -1,10 +1,5 @@
 #include "page/LiveFrame.h"
 
-#include <cstring>
-#include <limits>
-#include <vector>
-
-#include "report/BinaryBlock.h"
 #include "report/Obstacles.h"
 #include "report/Scene.h"
 

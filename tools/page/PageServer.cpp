@@ -13,26 +13,18 @@
 #include <algorithm>
 #include <boost/asio/post.hpp>
 #include <boost/asio/ssl/context.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <cctype>
 #include <charconv>
-#include <chrono>
-#include <cmath>
 #include <cstring>
-#include <deque>
 #include <iterator>
-#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <utility>
-#include <vector>
 
 #include "core/Text.h"
 #include "page/WebSocket.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,12 +1,7 @@
 #pragma once
 
 #include <atomic>
-#include <cstdint>
-#include <functional>
-#include <memory>
-#include <string>
 #include <thread>
-#include <vector>
 
 #include "page/Certificate.h"
 #include "page/Foxglove.h"

@@ -6,7 +6,6 @@
 #include "records/Hdf5ExportDriver.h"
 #include "records/LogExport.h"
 #include "records/LogExportColumns.h"
-#include "records/LogReader.h"
 
 namespace viable {
 

@@ -5,7 +5,6 @@
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "records/LogExportColumns.h"
-#include "records/LogReader.h"
 
 namespace viable {
 

@@ -8,7 +8,6 @@
 #include "log/LimitKinds.h"
 #include "log/LogFields.h"
 #include "log/LogSeries.h"
-#include "log/Mcap.h"
 #include "records/McapFile.h"
 
 namespace viable {

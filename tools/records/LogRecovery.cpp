@@ -1,7 +1,6 @@
 #include <algorithm>
 
 #include "core/WholeFile.h"
-#include "log/LogWriter.h"
 #include "records/LogExport.h"
 #include "records/LogReader.h"
 

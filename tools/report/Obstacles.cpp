@@ -1,15 +1,12 @@
 #include "report/Obstacles.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
 
 #include "core/Text.h"
 #include "environment/OccupancyMap.h"
 #include "report/PoseJson.h"
 #include "robot/ArmReach.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

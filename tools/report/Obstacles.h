@@ -1,7 +1,5 @@
 #pragma once
 
-#include <filesystem>
-
 #include "report/BinaryBlock.h"
 #include "viable/config/ConfigNode.h"
 

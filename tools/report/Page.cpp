@@ -3,7 +3,6 @@
 #include <ctime>
 
 #include "core/WholeFile.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

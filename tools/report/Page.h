@@ -1,8 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
-#include <string>
 
 #include "report/BinaryBlock.h"
 

@@ -4,7 +4,6 @@
 
 #include "meshes/RobotShapes.h"
 #include "report/PoseJson.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -2,16 +2,12 @@
 
 #include <sqlite3.h>
 
-#include <algorithm>
-#include <cstdio>
-#include <cstring>
 #include <limits>
 #include <map>
 #include <memory>
 #include <unordered_map>
 
 #include "core/Text.h"
-#include "report/BinaryBlock.h"
 #include "report/Page.h"
 #include "viable/core/Error.h"
 

@@ -2,7 +2,6 @@
 #include "core/Sha256.h"
 #include "core/WholeFile.h"
 #include "sweep/SweepStore.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -3,7 +3,6 @@
 #include "braking/GridPhases.h"
 #include "braking/JerkBounds.h"
 #include "braking/ShortestStop.h"
-#include "viable/braking/Braking.h"
 
 namespace viable {
 

@@ -5,7 +5,6 @@
 
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"
-#include "viable/core/JointLimits.h"
 
 namespace viable::detail {
 

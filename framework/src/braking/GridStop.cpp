@@ -1,7 +1,6 @@
 #include "viable/braking/GridStop.h"
 
 #include "braking/GridPhases.h"
-#include "viable/braking/Braking.h"
 
 namespace viable {
 

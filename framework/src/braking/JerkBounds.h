@@ -2,7 +2,6 @@
 
 #include "viable/braking/Braking.h"
 #include "viable/braking/GridStop.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable::detail {
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "viable/braking/GridStop.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable::detail {
 

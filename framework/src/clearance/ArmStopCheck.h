@@ -1,15 +1,9 @@
 #pragma once
 
-#include "clearance/ArmPath.h"
-#include "clearance/Bisection.h"
-#include "clearance/ElementDistance.h"
 #include "clearance/MotionBound.h"
 #include "clearance/PeopleCheck.h"
 #include "clearance/SpeedCheck.h"
 #include "clearance/SteeringRows.h"
-#include "clearance/TorqueScan.h"
-#include "viable/plugin/SafetyFilter.h"
-#include "viable/robot/ArmGeometry.h"
 
 namespace viable::detail {
 

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "clearance/ElementDistance.h"
 #include "clearance/SteeringRows.h"
 #include "robot/Segments.h"
 

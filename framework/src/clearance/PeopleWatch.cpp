@@ -1,7 +1,5 @@
 #include "clearance/PeopleWatch.h"
 
-#include <cmath>
-
 #include "robot/Segments.h"
 
 namespace viable::detail {

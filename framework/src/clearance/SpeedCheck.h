@@ -1,6 +1,5 @@
 #pragma once
 
-#include "clearance/ArmPath.h"
 #include "clearance/CapsuleSpeeds.h"
 #include "qp/RowQp.h"
 #include "viable/plugin/SafetyFilter.h"

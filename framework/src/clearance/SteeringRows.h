@@ -1,10 +1,8 @@
 #pragma once
 
-#include "clearance/ArmElement.h"
 #include "clearance/ElementDistance.h"
 #include "clearance/TorqueScan.h"
 #include "qp/RowQp.h"
-#include "viable/robot/Dynamics.h"
 
 namespace viable::detail {
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include "clearance/ArmPath.h"
 #include "clearance/TorqueRate.h"
 #include "robot/ArmRecursion.h"
 

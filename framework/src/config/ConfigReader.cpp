@@ -12,8 +12,6 @@
 #include <unordered_map>
 
 #include "config/ConfigText.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

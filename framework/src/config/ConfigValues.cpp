@@ -1,14 +1,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 
 #include "config/ConfigText.h"
 #include "core/ErrorList.h"
 #include "core/Text.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -2,7 +2,6 @@
 #include <cstdio>
 
 #include "config/ConfigText.h"
-#include "viable/config/ConfigNode.h"
 
 namespace viable {
 

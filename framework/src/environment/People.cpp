@@ -1,9 +1,7 @@
 #include "viable/environment/People.h"
 
 #include <algorithm>
-#include <cmath>
 
-#include "config/ConfigText.h"
 #include "core/ErrorList.h"
 #include "core/Text.h"
 #include "environment/WaypointPath.h"

@@ -1,4 +1,3 @@
-#include "viable/core/Error.h"
 #include "viable/environment/Surroundings.h"
 
 namespace viable {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "config/ConfigText.h"
 #include "core/Text.h"
 
 namespace viable {

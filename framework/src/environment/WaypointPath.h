@@ -1,6 +1,5 @@
 #pragma once
 
-#include "viable/config/ConfigNode.h"
 #include "viable/environment/People.h"
 
 namespace viable::detail {

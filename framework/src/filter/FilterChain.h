@@ -1,7 +1,6 @@
 #pragma once
 
 #include "host/PluginCall.h"
-#include "viable/plugin/SafetyFilter.h"
 
 namespace viable {
 

@@ -1,8 +1,6 @@
 #pragma once
 
 #include "braking/CertifiedBraking.h"
-#include "clearance/ArmStopCheck.h"
-#include "clearance/PeopleWatch.h"
 #include "clearance/StopDemands.h"
 #include "filter/WholeArmBrakingFilter.h"
 

@@ -5,16 +5,12 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <csignal>
-#include <cstdio>
 #include <ctime>
 #include <tuple>
 
 #include "core/ChildProcess.h"
-#include "host/PluginCall.h"
 #include "host/PythonClass.h"
 #include "plugin/FaultExplanation.h"
-#include "viable/core/Numbers.h"
 #include "viable/plugin/HostServices.h"
 
 namespace viable {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -2,9 +2,7 @@
 
 #include <array>
 
-#include "viable/core/JointTypes.h"
 #include "viable/robot/ArmGeometry.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable::detail {
 

@@ -3,7 +3,6 @@
 #include "core/Text.h"
 #include "environment/CollisionChecker.h"
 #include "limits/LimitRows.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

@@ -2,7 +2,6 @@
 
 #include "viable/limits/ArmLimit.h"
 #include "viable/robot/ArmGeometry.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable::detail {
 

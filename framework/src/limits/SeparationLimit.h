@@ -3,7 +3,6 @@
 #include "viable/environment/People.h"
 #include "viable/limits/ArmLimit.h"
 #include "viable/robot/ArmGeometry.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable::detail {
 

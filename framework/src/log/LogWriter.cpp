@@ -13,7 +13,6 @@
 #include "core/WholeFile.h"
 #include "log/LimitKinds.h"
 #include "log/LogMessage.h"
-#include "log/Mcap.h"
 
 namespace viable {
 

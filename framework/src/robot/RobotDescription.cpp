@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/ErrorList.h"
 #include "core/Text.h"
 #include "robot/DynamicsCheck.h"
 #include "robot/PoseSampling.h"

@@ -3,15 +3,10 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
-#include <random>
-#include <utility>
 
 #include "environment/OccupancyMap.h"
 #include "robot/PoseSampling.h"
-#include "viable/core/Error.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

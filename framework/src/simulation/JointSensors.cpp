@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

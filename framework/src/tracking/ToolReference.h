@@ -1,11 +1,9 @@
 #pragma once
 
-#include "viable/core/JointLimits.h"
 #include "viable/environment/Surroundings.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/robot/ArmGeometry.h"
 #include "viable/robot/Dynamics.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include "viable/core/JointTypes.h"
-#include "viable/robot/RobotDescription.h"
 #include "viable/tracking/Nric.h"
 
 namespace viable {

@@ -2,7 +2,6 @@
 
 #include "viable/braking/ExponentialBarrier.h"
 #include "viable/filter/JerkIntervalFilter.h"
-#include "viable/qp/BoxQp.h"
 
 namespace viable {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <memory>
-
 #include "viable/loop/NominalPlant.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotModel.h"

@@ -9,10 +9,6 @@
 #include <fstream>
 #include <mutex>
 #include <sstream>
-#include <stdexcept>
-#include <utility>
-
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -2,10 +2,7 @@
 
 #include <mujoco/mujoco.h>
 
-#include <filesystem>
 #include <memory>
-#include <string>
-#include <vector>
 
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"

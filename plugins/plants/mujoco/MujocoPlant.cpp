@@ -2,11 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
-#include <limits>
-#include <utility>
 
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

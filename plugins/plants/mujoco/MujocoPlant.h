@@ -1,12 +1,6 @@
 #pragma once
 
-#include <array>
-#include <memory>
-#include <string>
-#include <vector>
-
 #include "MujocoModel.h"
-#include "viable/plugin/RealPlant.h"
 #include "viable/simulation/ArmContact.h"
 #include "viable/simulation/ArmHardware.h"
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "viable/core/Error.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <memory>
-
-#include "viable/plugin/RealPlant.h"
 #include "viable/qp/BoxQp.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/simulation/ArmContact.h"

@@ -2,7 +2,6 @@
 #include "viable/simulation/ArmContact.h"
 
 #include <Simbody.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
@@ -11,7 +10,6 @@
 #include "ExpectContains.h"
 #include "Joints.h"
 #include "RobotFolder.h"
-#include "viable/config/Settings.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable::test {

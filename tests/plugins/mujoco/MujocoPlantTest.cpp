@@ -5,8 +5,6 @@
 #include "Joints.h"
 #include "RobotFolder.h"
 #include "TestArm.h"
-#include "viable/environment/Environment.h"
-#include "viable/robot/ArmGeometry.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"
 

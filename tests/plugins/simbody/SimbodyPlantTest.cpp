@@ -1,11 +1,7 @@
 #include "SimbodyPlant.h"
 
-#include <vector>
-
 #include "Effort.h"
 #include "TestArm.h"
-#include "viable/core/Numbers.h"
-#include "viable/environment/Environment.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

@@ -1,18 +1,15 @@
 #include "Stream.h"
 
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
 
 #include "CommandBench.h"
-#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {

@@ -1,6 +1,5 @@
 #include "TaskSpacePd.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "TestArm.h"

@@ -1,10 +1,8 @@
-#include "Teleoperation.h"
 
 #include "CaseSupport.h"
 #include "CommandBench.h"
 #include "live/LiveSession.h"
 #include "live/Replay.h"
-#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {

@@ -1,4 +1,3 @@
-#include <algorithm>
 
 #include "WholeArm.h"
 #include "viable/environment/People.h"

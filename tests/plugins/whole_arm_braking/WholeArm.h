@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cmath>
-
 #include "TestArm.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "viable/robot/ArmGeometry.h"

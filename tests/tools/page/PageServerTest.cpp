@@ -5,21 +5,14 @@
 #include <openssl/x509v3.h>
 #include <sys/stat.h>
 
-#include <atomic>
 #include <boost/version.hpp>
-#include <chrono>
-#include <functional>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
-#include <random>
-#include <thread>
 
 #include "TemporaryFolder.h"
 #include "TlsClient.h"
 #include "core/WholeFile.h"
 #include "live/PlacedObstacles.h"
-#include "viable/core/Error.h"
 
 namespace viable::test {
 namespace {

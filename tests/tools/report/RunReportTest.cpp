@@ -1,10 +1,7 @@
 #include "report/RunReport.h"
 
-#include <cmath>
-
 #include "CaseSupport.h"
 #include "ReportSupport.h"
-#include "log/LogWriter.h"
 #include "records/LogExport.h"
 #include "records/LogReader.h"
 

@@ -1,16 +1,10 @@
 #include <octomap/OcTree.h>
 
-#include <cmath>
-#include <random>
-#include <set>
-
 #include "CaseSupport.h"
 #include "ReportSupport.h"
 #include "environment/OccupancyMap.h"
-#include "log/LogWriter.h"
 #include "report/RunReport.h"
 #include "robot/ArmReach.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::test {
 namespace {

@@ -5,8 +5,6 @@
 #include "analysis/identification/Identification.h"
 #include "core/JsonNumber.h"
 #include "core/Text.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

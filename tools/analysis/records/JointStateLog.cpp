@@ -5,7 +5,6 @@
 #include "analysis/records/RecordReaders.h"
 #include "core/Text.h"
 #include "records/McapFile.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

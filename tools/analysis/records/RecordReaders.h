@@ -1,7 +1,6 @@
 #pragma once
 
 #include "analysis/records/MotionRecord.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

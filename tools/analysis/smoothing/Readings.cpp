@@ -5,7 +5,6 @@
 
 #include "analysis/records/MotionRecord.h"
 #include "analysis/smoothing/Median.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -2,7 +2,6 @@
 
 #include "analysis/records/MotionRecord.h"
 #include "analysis/smoothing/SplineSearch.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -1,4 +1,3 @@
-#include <algorithm>
 
 #include "analysis/smoothing/LimitVerdict.h"
 #include "core/JsonNumber.h"

@@ -7,9 +7,7 @@
 #include "command/Commands.h"
 #include "command/StopSignals.h"
 #include "command/sweep/SweepMpi.h"
-#include "command/sweep/SweepSupervisor.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 

@@ -7,7 +7,6 @@
 #include <string_view>
 
 #include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 
 // numpy arrays and the library's vectors. All of it needs the interpreter's lock.
 

@@ -6,8 +6,6 @@
 #include "Keywords.h"
 #include "RobotBinding.h"
 #include "batch/ArmBatch.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/environment/Environment.h"
 
 namespace viable::python {
 

@@ -3,7 +3,6 @@
 #include <array>
 
 #include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -4,7 +4,6 @@
 #include <memory>
 
 #include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable {
 

@@ -2,10 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <limits>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"

@@ -1,16 +1,11 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <deque>
-#include <filesystem>
-#include <limits>
 #include <map>
 #include <optional>
-#include <string>
 #include <type_traits>
 #include <variant>
-#include <vector>
 
 #include "viable/config/ConfigNode.h"
 #include "viable/core/JointLimits.h"

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "viable/core/Error.h"
 #include "viable/core/JointTypes.h"
 

@@ -1,12 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "viable/config/ConfigNode.h"
 #include "viable/environment/People.h"
 
 namespace viable {

@@ -1,13 +1,9 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <atomic>
-#include <cstdint>
 #include <memory>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "viable/config/ConfigNode.h"
 

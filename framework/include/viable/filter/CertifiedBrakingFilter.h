@@ -1,9 +1,5 @@
 #pragma once
 
-#include <limits>
-#include <memory>
-#include <string>
-
 #include "viable/plugin/SafetyFilter.h"
 
 namespace viable {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "viable/braking/DesiredJerk.h"
-#include "viable/core/JointTypes.h"
 #include "viable/plugin/SafetyFilter.h"
 #include "viable/qp/BoxQp.h"
 

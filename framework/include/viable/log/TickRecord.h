@@ -1,8 +1,5 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-
 #include "viable/plugin/CommandSource.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/SafetyFilter.h"

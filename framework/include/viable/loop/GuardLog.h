@@ -1,11 +1,6 @@
 #pragma once
 
-#include <filesystem>
-#include <memory>
-#include <string>
-
 #include "viable/log/TickRecord.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,17 +1,8 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <limits>
-#include <memory>
-#include <optional>
-
-#include "viable/core/Error.h"
 #include "viable/environment/Environment.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardStatus.h"
-#include "viable/plugin/CommandSource.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,17 +1,8 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-#include <memory>
-#include <optional>
-#include <type_traits>
-
-#include "viable/core/Error.h"
-#include "viable/core/JointTypes.h"
 #include "viable/filter/CertifiedBrakingFilter.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardStatus.h"
-#include "viable/robot/RobotDescription.h"
 #include "viable/robot/TorqueSender.h"
 #include "viable/tracking/Nric.h"
 

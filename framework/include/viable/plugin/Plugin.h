@@ -1,10 +1,6 @@
 #pragma once
 
-#include <cstdint>
-
 #include "viable/config/Settings.h"
-#include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 #include "viable/robot/Dynamics.h"
 #include "viable/robot/RobotDescription.h"
 

@@ -1,15 +1,9 @@
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <cstdio>
 #include <exception>
-#include <type_traits>
 
 #include "viable/braking/DesiredJerk.h"
-#include "viable/config/Settings.h"
-#include "viable/limits/ArmLimit.h"
-#include "viable/plugin/CommandSource.h"
 #include "viable/plugin/NominalController.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/plugin/RobustLoop.h"

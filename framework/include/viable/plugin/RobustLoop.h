@@ -1,8 +1,5 @@
 #pragma once
 
-#include <limits>
-#include <optional>
-
 #include "viable/plugin/Plugin.h"
 
 namespace viable {

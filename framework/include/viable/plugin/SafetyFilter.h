@@ -1,8 +1,5 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-
 #include "viable/braking/GridStop.h"
 #include "viable/core/FilterStatus.h"
 #include "viable/limits/ArmLimit.h"

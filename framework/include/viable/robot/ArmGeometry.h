@@ -1,9 +1,5 @@
 #pragma once
 
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {

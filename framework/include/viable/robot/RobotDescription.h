@@ -1,12 +1,6 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
-#include "viable/config/ConfigNode.h"
 #include "viable/core/JointLimits.h"
-#include "viable/core/JointTypes.h"
 #include "viable/robot/SpeedLimits.h"
 
 namespace viable {

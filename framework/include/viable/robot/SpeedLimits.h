@@ -1,10 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <limits>
-#include <string>
-#include <vector>
-
 #include "viable/config/ConfigNode.h"
 
 namespace viable {

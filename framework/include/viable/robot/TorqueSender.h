@@ -1,9 +1,7 @@
 #pragma once
 
-#include <limits>
 #include <memory>
 
-#include "viable/core/JointTypes.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {

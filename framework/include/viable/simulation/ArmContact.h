@@ -1,8 +1,5 @@
 #pragma once
 
-#include <memory>
-#include <vector>
-
 #include "viable/environment/Environment.h"
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/ArmGeometry.h"

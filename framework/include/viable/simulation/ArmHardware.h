@@ -1,15 +1,10 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 #include <memory>
 #include <random>
 
-#include "viable/config/Settings.h"
-#include "viable/core/JointTypes.h"
-#include "viable/plugin/Plugin.h"
 #include "viable/plugin/RealPlant.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "viable/plugin/PluginExport.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/testing/TwoLinkArm.h"

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "viable/robot/RobotDescription.h"
 
 namespace viable::testing {

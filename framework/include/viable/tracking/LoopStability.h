@@ -1,7 +1,5 @@
 #pragma once
 
-#include <string>
-
 #include "viable/plugin/RobustLoop.h"
 
 namespace viable {

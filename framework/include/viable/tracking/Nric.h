@@ -1,12 +1,8 @@
 #pragma once
 
 #include <array>
-#include <filesystem>
-#include <limits>
 #include <memory>
-#include <optional>
 
-#include "viable/core/JointTypes.h"
 #include "viable/plugin/RobustLoop.h"
 
 namespace viable {
