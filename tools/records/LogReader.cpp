@@ -237,9 +237,7 @@ struct LogReader::Impl {
         Plan plan;
         plan.bit = std::uint32_t{1} << (found - all.begin());
         plan.channel = channel;
-        if ((declared & plan.bit) != 0) {
-            throw BadBytes(0, "a second channel " + quote(topic));
-        }
+        if ((declared & plan.bit) != 0) throw BadBytes(0, "a second channel " + quote(topic));
         try {
             plan.steps = parseSchema(schema->second.text, *channel);
         } catch (const std::runtime_error& e) {
@@ -311,9 +309,7 @@ struct LogReader::Impl {
         in.readU64();
         in.readU64();
         const auto found = plans.find(id);
-        if (found == plans.end()) {
-            throw BadBytes(0, "a message of the undeclared channel " + std::to_string(id));
-        }
+        if (found == plans.end()) throw BadBytes(0, "a message of the undeclared channel " + std::to_string(id));
         Plan& plan = found->second;
         if (plan.channel == nullptr) return false;
         if (seen == 0) {
@@ -374,9 +370,7 @@ struct LogReader::Impl {
         if (field.isText()) {
             for (int i = 0; i < n; ++i) {
                 const std::string_view word = in.readText();
-                if (!field.setText(row, i, word)) {
-                    throw BadBytes(0, "`" + field.name + "` cannot be " + quote(word));
-                }
+                if (!field.setText(row, i, word)) throw BadBytes(0, "`" + field.name + "` cannot be " + quote(word));
             }
             return;
         }

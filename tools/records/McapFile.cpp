@@ -110,9 +110,7 @@ void McapFile::readAt(std::uint64_t offset, std::uint64_t length, std::string& t
     while (got < to.size()) {
         const ssize_t taken = ::pread(descriptor_, &to[got], to.size() - got, static_cast<off_t>(offset + got));
         if (taken < 0 && errno == EINTR) continue;
-        if (taken < 0) {
-            failAt(offset + got, "cannot be read: " + std::generic_category().message(errno));
-        }
+        if (taken < 0) failAt(offset + got, "cannot be read: " + std::generic_category().message(errno));
         if (taken == 0) failAt(offset + got, "the file has become shorter while it was read");
         got += static_cast<std::size_t>(taken);
     }

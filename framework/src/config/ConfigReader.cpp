@@ -202,9 +202,7 @@ public:
         checkRoot(mark, "nothing");
         ConfigNode node = makeNode(mark, ConfigNode::Kind::Empty);
         // The mark of an absent value is that of the next thing in the file.
-        if (!stack_.empty() && stack_.back().node.kind == ConfigNode::Kind::Map) {
-            place(node, stack_.back().keyAt);
-        }
+        if (!stack_.empty() && stack_.back().node.kind == ConfigNode::Kind::Map) place(node, stack_.back().keyAt);
         add(std::move(node));
     }
 
@@ -323,12 +321,8 @@ private:
     void addKey(const YAML::Mark& mark, const std::string& key, std::size_t end) {
         Frame& frame = stack_.back();
         const std::string path = joinKeyPath(frame.node.keyPath, key);
-        if (key == "<<") {
-            fail(mark, frame.node.keyPath, "a merge key (`<<`) is not allowed", "Write the entries out");
-        }
-        if (key.empty()) {
-            fail(mark, frame.node.keyPath, "a key is empty", "Write entries as `key: value`");
-        }
+        if (key == "<<") fail(mark, frame.node.keyPath, "a merge key (`<<`) is not allowed", "Write the entries out");
+        if (key.empty()) fail(mark, frame.node.keyPath, "a key is empty", "Write entries as `key: value`");
         for (const char c : key) {
             if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
                 fail(mark, frame.node.keyPath, "the key " + quoteText(key) + " holds a control character",
@@ -536,12 +530,8 @@ ConfigNode readConfigFile(const std::filesystem::path& file) {
     if (!fs::status_known(status)) {
         throw badInput(name, "cannot be looked at: " + code.message(), "Check its permissions");
     }
-    if (fs::is_directory(status)) {
-        throw badInput(name, "is a folder", "Name the file inside it");
-    }
-    if (!fs::is_regular_file(status)) {
-        throw badInput(name, "is not a regular file", "Copy its content into a file");
-    }
+    if (fs::is_directory(status)) throw badInput(name, "is a folder", "Name the file inside it");
+    if (!fs::is_regular_file(status)) throw badInput(name, "is not a regular file", "Copy its content into a file");
     const std::uintmax_t size = fs::file_size(file, code);
     if (!code && size > kMaxConfigBytes) {
         throw badInput(name,

@@ -74,9 +74,7 @@ private:
         const bool isGlued = valueEnd_ > 0 && valueEnd_ == at_;
         const std::string rest = text_.substr(at_);
         const std::string word = readWord();
-        if (isGlued && word[0] == '_') {
-            throw NoNumber{"`_` may not stand between digits", "Write the digits together"};
-        }
+        if (isGlued && word[0] == '_') throw NoNumber{"`_` may not stand between digits", "Write the digits together"};
         if (isGlued && (word[0] == 'x' || word[0] == 'X' || word[0] == 'b' || word[0] == 'o') &&
             text_[valueEnd_ - 1] == '0') {
             throw NoNumber{"only decimal numbers are allowed", "Write the decimal number"};
@@ -101,9 +99,7 @@ private:
 
     /** Refuses a result that a double cannot hold to full precision. */
     static double check(double value, bool isZeroExact) {
-        if (!std::isfinite(value)) {
-            throw NoNumber{"it is too large for a double", "Check the exponent"};
-        }
+        if (!std::isfinite(value)) throw NoNumber{"it is too large for a double", "Check the exponent"};
         const double size = std::abs(value);
         if (size < std::numeric_limits<double>::min() && !(size == 0.0 && isZeroExact)) {
             throw NoNumber{"it is too small for a double, but not zero",
@@ -140,9 +136,7 @@ private:
         while (peek() == '*' || peek() == '/') {
             const char sign = text_[at_++];
             const double right = calcFactor();
-            if (sign == '/' && right == 0.0) {
-                throw NoNumber{"it divides by zero", "Check the divisor"};
-            }
+            if (sign == '/' && right == 0.0) throw NoNumber{"it divides by zero", "Check the divisor"};
             const bool isZero = value == 0.0 || (sign == '*' && right == 0.0);
             value = check(sign == '*' ? value * right : value / right, isZero);
         }
@@ -256,9 +250,7 @@ double calcNumber(const ConfigNode& node, bool mayBeInfinite) {
         if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
     }
     const std::string unsignedText = !lower.empty() && (lower[0] == '-' || lower[0] == '+') ? lower.substr(1) : lower;
-    if (isOneOf(unsignedText, {".nan", "nan"})) {
-        throw badInput(node.place(), shown + " is not a number", kNumberRemedy);
-    }
+    if (isOneOf(unsignedText, {".nan", "nan"})) throw badInput(node.place(), shown + " is not a number", kNumberRemedy);
     if (isOneOf(unsignedText, {".inf", "inf", "infinity"})) {
         if (!mayBeInfinite) {
             throw badInput(node.place(), shown + " is not allowed: the value must be finite", kNumberRemedy);
@@ -366,9 +358,7 @@ std::string toChoice(const ConfigNode& node, const std::vector<std::string>& cho
     const std::string text = toText(node);
     if (std::find(choices.begin(), choices.end(), text) != choices.end()) return text;
     std::string names;
-    for (const std::string& choice : choices) {
-        names += (names.empty() ? "`" : ", `") + choice + "`";
-    }
+    for (const std::string& choice : choices) names += (names.empty() ? "`" : ", `") + choice + "`";
     const std::string closest = findClosestName(text, choices);
     throw badInput(node.place(), quoteText(text) + " is not one of the choices",
                    (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + ("Choices: " + names));
@@ -395,9 +385,7 @@ std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount
 
 JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& range) {
     VIABLE_CHECK(n >= 0 && n <= kMaxJoints, "the number of joints is beyond the capacity");
-    if (node.kind == ConfigNode::Kind::Scalar) {
-        return JointVector::Constant(n, toNumber(node, range));
-    }
+    if (node.kind == ConfigNode::Kind::Scalar) return JointVector::Constant(n, toNumber(node, range));
     if (node.kind != ConfigNode::Kind::List || static_cast<int>(node.items.size()) != n) {
         throw badInput(node.place(),
                        "must be a list of " + formatCount(n, n) +

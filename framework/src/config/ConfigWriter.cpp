@@ -69,9 +69,7 @@ std::string writeInline(const ConfigNode& node) {
     if (node.kind == ConfigNode::Kind::Map) return "{}";
     if (node.kind != ConfigNode::Kind::List) return writeScalar(node);
     std::string text = "[";
-    for (std::size_t i = 0; i < node.items.size(); ++i) {
-        text += (i == 0 ? "" : ", ") + writeScalar(node.items[i]);
-    }
+    for (std::size_t i = 0; i < node.items.size(); ++i) text += (i == 0 ? "" : ", ") + writeScalar(node.items[i]);
     return text + "]";
 }
 

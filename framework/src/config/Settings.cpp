@@ -272,9 +272,7 @@ void checkSpecs(const ParameterSpec* specs, std::size_t count, const std::string
         const std::string name = specs[i].name;
         if (name == "plugin") failPlugin(where, "the plugin declares a parameter named `plugin`");
         for (std::size_t k = 0; k < i; ++k) {
-            if (name == specs[k].name) {
-                failPlugin(where, "the plugin declares the parameter `" + name + "` twice");
-            }
+            if (name == specs[k].name) failPlugin(where, "the plugin declares the parameter `" + name + "` twice");
         }
     }
 }

@@ -50,9 +50,7 @@ std::string LogField::getSchemaType() const {
 
 std::string LogChannel::getSchemaText() const {
     std::string text;
-    for (const LogField& field : fields) {
-        text += field.getSchemaType() + " " + field.getSchemaName() + "\n";
-    }
+    for (const LogField& field : fields) text += field.getSchemaType() + " " + field.getSchemaName() + "\n";
     return text;
 }
 

@@ -415,9 +415,7 @@ struct LogWriter::Impl {
         });
         status.lost = rows - status.rows;
         std::string error;
-        if (!sink->close(error) && status.ok()) {
-            status.error = error.empty() ? "the log could not be closed" : error;
-        }
+        if (!sink->close(error) && status.ok()) status.error = error.empty() ? "the log could not be closed" : error;
     }
 
     struct FreeCompressor {

@@ -24,9 +24,7 @@ Recorder::Recorder(std::unique_ptr<RowWriter> writer, std::size_t capacity)
     // and a file size limit becomes a write error (EFBIG) instead of the end of the program.
     sigset_t blocked, before;
     sigfillset(&blocked);
-    for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP}) {
-        sigdelset(&blocked, signal);
-    }
+    for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP}) sigdelset(&blocked, signal);
     pthread_sigmask(SIG_SETMASK, &blocked, &before);
     ++unfinished;
     try {

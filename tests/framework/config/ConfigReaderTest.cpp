@@ -533,9 +533,7 @@ TEST(ConfigWriter, RandomTreesSurviveWritingAndReading) {
                                                                                      const ConfigNode& b) {
             bool same = a.kind == b.kind && a.text == b.text && a.items.size() == b.items.size() &&
                         a.entries.size() == b.entries.size();
-            for (std::size_t k = 0; same && k < a.items.size(); ++k) {
-                same = isSame(a.items[k], b.items[k]);
-            }
+            for (std::size_t k = 0; same && k < a.items.size(); ++k) same = isSame(a.items[k], b.items[k]);
             for (std::size_t k = 0; same && k < a.entries.size(); ++k) {
                 same = a.entries[k].first == b.entries[k].first && isSame(a.entries[k].second, b.entries[k].second);
             }

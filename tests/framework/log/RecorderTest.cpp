@@ -230,9 +230,7 @@ TEST_F(RecorderTest, Fault72_DiskFullDoesNotStopTheRun) {
         LogReader reader(path("full.mcap"));
         EXPECT_FALSE(reader.isComplete());
         std::size_t wholeChunks = 0;  // chunks that fitted in with their index
-        while (wholeChunks + 2 < whole.writes.size() && whole.writes[wholeChunks + 2] <= room) {
-            ++wholeChunks;
-        }
+        while (wholeChunks + 2 < whole.writes.size() && whole.writes[wholeChunks + 2] <= room) ++wholeChunks;
         EXPECT_EQ(status.rows, 100 * wholeChunks);
         // A chunk whose index alone was cut off can still be read.
         const std::size_t rows = readAll(reader).size();

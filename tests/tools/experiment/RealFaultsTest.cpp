@@ -312,9 +312,7 @@ TEST(Fault19, HalfTheTorqueIsFoundBeforeTheErrorIsLarge) {
                     run.result->summary.trackingMax(), static_cast<long long>(saturated));
         EXPECT_LE(before, 0.15 * 2.0 + 0.01);
         EXPECT_GT(saturated, 0);
-        if (run.isTripped()) {
-            expectContains(run.result->stopMessage, {"the real arm ", "the motor of "});
-        }
+        if (run.isTripped()) expectContains(run.result->stopMessage, {"the real arm ", "the motor of "});
     }
 }
 
