@@ -1,4 +1,4 @@
-import { caseStyle, el, icon, iconButton, swatch, tellHeight } from './dom.js';
+import { button, caseToggles, choice, el, icon, iconButton, tellHeight } from './dom.js';
 import { limitCharts, saveFigure } from './exporting.js';
 import { seconds } from './format.js';
 import { ALL_JOINTS } from './state.js';
@@ -9,7 +9,7 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
 /** The bar above the plots: which cases, which joint, what times. */
 export function fillToolbar(host, state, { openHelp }) {
   host.append(
-    caseToggles(state),
+    caseToggles(state, state.run.cases, 'cases', () => state.shown, ...caseKeys(state)),
     jointChoice(state),
     zoomButtons(state),
     ...takeChoice(state),
@@ -19,69 +19,41 @@ export function fillToolbar(host, state, { openHelp }) {
       'span',
       { class: 'buttons' },
       themeButton(state),
-      el('button', {
-        type: 'button',
-        class: 'icon-button',
-        'aria-label': 'Keys',
-        title: 'Keys (?)',
-        text: '?',
-        onclick: openHelp,
-      }),
+      button({ class: 'icon-button', 'aria-label': 'Keys', title: 'Keys (?)', text: '?', onclick: openHelp }),
     ),
   );
   tellHeight(host);
 }
 
-function caseToggles(state) {
-  const buttons = state.run.cases.map((c, i) =>
-    el(
-      'button',
-      {
-        type: 'button',
-        class: 'case-toggle',
-        style: caseStyle(i),
-        title: `Show or hide ${c.name}${i < 9 ? ` (${i + 1})` : ''}; double click: it alone`,
-        onclick: () => state.toggleCase(i),
-        ondblclick: () => state.toggleAlone(i),
-        onpointerenter: (event) => state.setFocus(event.pointerType === 'mouse' ? i : null),
-        onpointerleave: () => state.setFocus(null),
-      },
-      swatch(i),
-      el('span', { class: 'case-name', text: c.name }),
-      i < 9 ? el('kbd', { 'aria-hidden': 'true', text: i + 1 }) : null,
-    ),
-  );
-  const update = () => buttons.forEach((button, i) => button.setAttribute('aria-pressed', String(state.shown[i])));
-  state.on('cases', update);
-  update();
-  return el('div', { class: 'cases', role: 'group', 'aria-label': 'Cases' }, ...buttons);
-}
+/** What the button of a case does besides, and its key. */
+const caseKeys = (state) => [
+  (c, i) => ({
+    title: `Show or hide ${c.name}${i < 9 ? ` (${i + 1})` : ''}; double click: it alone`,
+    ondblclick: () => state.toggleAlone(i),
+    onpointerenter: (event) => state.setFocus(event.pointerType === 'mouse' ? i : null),
+    onpointerleave: () => state.setFocus(null),
+  }),
+  (i) => (i < 9 ? el('kbd', { 'aria-hidden': 'true', text: i + 1 }) : null),
+];
 
 function jointChoice(state) {
   const { joints } = state.run;
-  const select = el(
-    'select',
-    { 'aria-label': 'Joint', title: 'Joint (j, k)', onchange: () => state.setJoint(Number(select.value)) },
-    ...joints.map(({ name }, j) => el('option', { value: j, text: name })),
-    joints.length > 1 ? el('option', { value: ALL_JOINTS, text: 'all joints' }) : null,
-  );
-  const update = () => {
+  const options = joints.map(({ name }, j) => [j, name]);
+  if (joints.length > 1) options.push([ALL_JOINTS, 'all joints']);
+  const select = choice({ 'aria-label': 'Joint', title: 'Joint (j, k)' }, options, state.joint, (value) => state.setJoint(Number(value)));
+  state.on('joint', () => {
     select.value = String(state.joint);
-  };
-  state.on('joint', update);
-  update();
+  });
   return el('label', { class: 'joint-choice' }, 'Joint ', select);
 }
 
 function zoomButtons(state) {
   const text = el('span', { class: 'view-text' });
   const reset = iconButton('reset', 'Show the whole run (0, or double click in a plot)', () => state.resetView());
-  const update = () => {
+  state.follow('view', () => {
     text.textContent = `${seconds(state.view.min)} – ${seconds(state.view.max)} s`;
     reset.disabled = !state.isZoomed;
-  };
-  state.on('view', update);
-  update();
+  });
   return el(
     'span',
     { class: 'buttons', role: 'group', 'aria-label': 'Time in view' },
@@ -109,31 +81,26 @@ function takeChoice(state) {
     const forget = () => {
       select.value = ''; // the same one again is a choice, too
     };
-    const select = el(
-      'select',
-      { 'aria-label': 'Take', onchange: () => select.value !== '' && go(takes[Number(select.value)]), onpointerdown: forget, onblur: forget },
-      el('option', { value: '', text: 'Takes' }),
-      ...takes.map((take, i) => el('option', { value: i, text: `${name(take)}, ${times(take)}` })),
-    );
+    const options = [['', 'Takes'], ...takes.map((take, i) => [i, `${name(take)}, ${times(take)}`])];
+    const select = choice({ 'aria-label': 'Take', onpointerdown: forget, onblur: forget }, options, null, (value) => value !== '' && go(takes[Number(value)]));
     return [select];
   }
   const buttons = takes.map((take) =>
-    el('button', { type: 'button', text: name(take), title: `Show ${times(take)}`, onclick: () => go(take) }),
+    button({ text: name(take), title: `Show ${times(take)}`, onclick: () => go(take) }),
   );
   return [el('span', { class: 'buttons', role: 'group', 'aria-label': 'Takes' }, ...buttons)];
 }
 
 function figureButtons(state) {
-  const button = (format) =>
-    el('button', {
-      type: 'button',
+  const save = (format) =>
+    button({
       class: 'quiet',
       text: format.toUpperCase(),
       'aria-label': `Figure as ${format.toUpperCase()}`,
       title: `Save position, velocity, acceleration and jerk in view, below each other, as ${format.toUpperCase()}`,
       onclick: () => saveFigure(state, { charts: limitCharts(state, state.joint), view: state.view }, format),
     });
-  return el('span', { class: 'figure tools' }, 'Figure', button('png'), button('svg'));
+  return el('span', { class: 'figure tools' }, 'Figure', save('png'), save('svg'));
 }
 
 /** The bar at the foot of the page: play, scrubber, speed. */
@@ -150,23 +117,17 @@ export function fillTransport(host, state) {
     oninput: () => state.setTime(Number(scrubber.value)),
   });
   const time = el('output', { class: 'time', for: 'scrubber' });
-  const speed = el(
-    'select',
-    { 'aria-label': 'Speed', title: 'Speed', onchange: () => state.setSpeed(Number(speed.value)) },
-    ...SPEEDS.map((value) => el('option', { value, text: `${value} ×` })),
-  );
-  speed.value = String(state.speed);
-  const update = () => {
+  const speeds = SPEEDS.map((value) => [value, `${value} ×`]);
+  const speed = choice({ 'aria-label': 'Speed', title: 'Speed' }, speeds, state.speed, (value) => state.setSpeed(Number(value)));
+  state.follow('time', () => {
     scrubber.value = String(state.time);
     scrubber.style.setProperty('--played', `${(100 * (state.time - run.tMin)) / (run.tMax - run.tMin)}%`);
     scrubber.setAttribute('aria-valuetext', `${seconds(state.time)} seconds`);
     time.textContent = `${seconds(state.time)} s`;
-  };
-  state.on('time', update);
+  });
   state.on('play', () => {
     play.replaceChildren(icon(state.playing ? 'pause' : 'play'));
     play.setAttribute('aria-label', state.playing ? 'Pause' : 'Play');
   });
-  update();
   host.append(play, time, scrubber, speed);
 }

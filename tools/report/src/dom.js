@@ -34,40 +34,60 @@ const ICONS = {
   home: 'M8 2l6.5 5.5-1 1.1-.9-.8V14H9.5v-4h-3v4H3.4V7.8l-.9.8-1-1.1z',
 };
 
-/** A small picture in the colour of the text around it. */
-export function icon(name) {
-  const svg = document.createElementNS(SVG, 'svg');
-  svg.setAttribute('viewBox', '0 0 16 16');
-  svg.setAttribute('aria-hidden', 'true');
-  svg.setAttribute('class', 'icon');
-  const path = document.createElementNS(SVG, 'path');
-  path.setAttribute('d', ICONS[name]);
+/** A path as a picture of its own. */
+function drawing(viewBox, name, attributes) {
+  const [svg, path] = ['svg', 'path'].map((tag) => document.createElementNS(SVG, tag));
+  const set = (element, all) => Object.entries(all).forEach(([key, value]) => element.setAttribute(key, value));
+  set(svg, { viewBox, 'aria-hidden': 'true', class: name });
+  set(path, attributes);
   svg.append(path);
   return svg;
 }
 
+/** A small picture in the colour of the text around it. */
+export const icon = (name) => drawing('0 0 16 16', 'icon', { d: ICONS[name] });
+
 /** A short sample of a line, for a legend. */
-export function lineSample({ width = 1.5, dash = [], alpha = 1 }) {
-  const svg = document.createElementNS(SVG, 'svg');
-  svg.setAttribute('viewBox', '0 0 20 8');
-  svg.setAttribute('aria-hidden', 'true');
-  svg.setAttribute('class', 'line-sample');
-  const line = document.createElementNS(SVG, 'path');
-  line.setAttribute('d', 'M1 4H19');
-  line.setAttribute('stroke-width', String(width));
-  line.setAttribute('stroke-opacity', String(alpha));
-  line.setAttribute('stroke-dasharray', dash.join(' '));
-  svg.append(line);
-  return svg;
-}
+export const lineSample = ({ width = 1.5, dash = [], alpha = 1 }) =>
+  drawing('0 0 20 8', 'line-sample', { d: 'M1 4H19', 'stroke-width': width, 'stroke-opacity': alpha, 'stroke-dasharray': dash.join(' ') });
+
+/** A button; properties and children as of el(). */
+export const button = (properties, ...children) => el('button', { type: 'button', ...properties }, ...children);
 
 /** A button that shows an icon and says what it does. */
-export function iconButton(name, label, onclick, properties = {}) {
-  return el(
-    'button',
-    { type: 'button', class: 'icon-button', 'aria-label': label, title: label, onclick, ...properties },
-    icon(name),
+export const iconButton = (name, label, onclick) =>
+  button({ class: 'icon-button', 'aria-label': label, title: label, onclick }, icon(name));
+
+/** What is pressed and what is not. */
+export const setPressed = (element, isPressed) => element.setAttribute('aria-pressed', String(isPressed));
+
+/** A list to choose from: `options` are pairs of value and text; `onchoose` hears the value, as a text. */
+export function choice(properties, options, chosen, onchoose) {
+  const select = el(
+    'select',
+    { ...properties, onchange: () => onchoose(select.value) },
+    ...options.map(([value, text]) => el('option', { value, text })),
   );
+  if (chosen !== null) select.value = String(chosen);
+  return select;
+}
+
+/** A table of the cells of its head and of its rows. */
+export const table = (properties, heads, rows) =>
+  el('table', properties, el('thead', {}, el('tr', {}, ...heads)), el('tbody', {}, ...rows));
+
+/** Buttons that show and hide cases, as `shown()` says; `more` has what a button has besides. */
+export function caseToggles(state, cases, event, shown, more = () => ({}), mark = () => null) {
+  const buttons = cases.map((c, i) =>
+    button(
+      { class: 'case-toggle', style: caseStyle(i), title: `Show or hide ${c.name}`, onclick: () => state.toggleCase(i), ...more(c, i) },
+      swatch(i),
+      el('span', { class: 'case-name', text: c.name }),
+      mark(i),
+    ),
+  );
+  state.follow(event, () => buttons.forEach((one, i) => setPressed(one, shown()[i])));
+  return el('div', { class: 'cases', role: 'group', 'aria-label': 'Cases' }, ...buttons);
 }
 
 /** The mark of a case: a square in its colour, striped or hollow where its lines are broken. */

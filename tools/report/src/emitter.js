@@ -9,6 +9,12 @@ export class Emitter {
     }
   }
 
+  /** Calls a listener now, and at each event. */
+  follow(events, listener) {
+    this.on(events, listener);
+    listener();
+  }
+
   emit(event) {
     for (const listener of this.#listeners.get(event) ?? []) listener();
   }

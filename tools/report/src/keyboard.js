@@ -1,4 +1,4 @@
-import { el } from './dom.js';
+import { button, el } from './dom.js';
 import { ALL_JOINTS } from './state.js';
 import { toggleTheme } from './theme.js';
 
@@ -53,14 +53,7 @@ export function createHelp(dialog) {
     el(
       'form',
       { method: 'dialog' },
-      el('button', {
-        class: 'chip',
-        text: 'Close',
-        onclick: (event) => {
-          event.preventDefault();
-          dialog.close();
-        },
-      }),
+      button({ class: 'chip', text: 'Close', onclick: () => dialog.close() }),
     ),
   );
   dialog.addEventListener('click', (event) => {

@@ -1,6 +1,6 @@
 import uPlot from 'uplot';
 import { HistogramChart, LIMIT_STYLES, LineChart, TIMES } from './charts.js';
-import { el, lineSample, swatch } from './dom.js';
+import { button, el, lineSample, setPressed, swatch } from './dom.js';
 import { saveFigure } from './exporting.js';
 import { duration, number, powers, tick } from './format.js';
 import { listenToGestures } from './gestures.js';
@@ -53,8 +53,7 @@ export class Panel {
   }
 
   #saveButton(format) {
-    return el('button', {
-      type: 'button',
+    return button({
       class: 'quiet',
       text: format.toUpperCase(),
       title: `Save what is in view as ${format.toUpperCase()}, in light colours`,
@@ -357,6 +356,27 @@ export class Panel {
   }
 }
 
+/**
+ * Has the panels that `list` returns follow the page: its size, the time in view, print, and the `events` that leave their
+ * contents as they are. Returns what tells them whether they are visible, as soon as it observes their roots.
+ */
+export function followPage(list, host, state, events) {
+  const all = (action) => list().forEach(action);
+  let timer = null;
+  new ResizeObserver(() => all((panel) => panel.invalidate(false))).observe(host);
+  addEventListener('beforeprint', () => all((panel) => panel.drawForPrint()));
+  state.on(events, () => all((panel) => panel.invalidate(false)));
+  state.on('time', () => all((panel) => panel.placeScrubLine()));
+  // Numbers that change faster than they can be read cost time and tell nothing.
+  const update = () => {
+    timer = null;
+    all((panel) => panel.updateReadout());
+  };
+  state.on('time hover', () => (timer ??= setTimeout(update, state.playing ? 120 : 16)));
+  const tell = ({ target, isIntersecting }) => list().find(({ root }) => root === target)?.setVisible(isIntersecting);
+  return new IntersectionObserver((entries) => entries.forEach(tell), { rootMargin: '150px 0px' });
+}
+
 /** All plots of the page: of one joint below each other, or of every quantity a small one per joint. */
 export class PlotArea {
   #panels = [];
@@ -366,43 +386,18 @@ export class PlotArea {
     this.host = host;
     this.state = state;
     this.quantities = quantitiesOf(state.run);
-    this.observer = new IntersectionObserver(
-      (entries) => {
-        for (const entry of entries)
-          this.#panels.find(({ root }) => root === entry.target)?.setVisible(entry.isIntersecting);
-      },
-      { rootMargin: '150px 0px' },
-    );
+    this.observer = followPage(() => this.#panels, host, state, 'view theme focus');
     this.#build();
-    new ResizeObserver(() => this.#all((panel) => panel.invalidate(false))).observe(host);
-
-    addEventListener('beforeprint', () => this.#all((panel) => panel.drawForPrint()));
-
     state.on('joint', () => this.#setJoint());
     state.on('cases', () => this.#all((panel) => panel.invalidate()));
     state.on('kinds', () => {
       this.#updateHeads();
       this.#all((panel) => panel.invalidate());
     });
-    state.on('view theme focus', () => this.#all((panel) => panel.invalidate(false)));
-    state.on('time', () => this.#all((panel) => panel.placeScrubLine()));
-    state.on('time hover', () => this.#scheduleReadouts());
   }
 
   #all(action) {
     this.#panels.forEach(action);
-  }
-
-  /** Numbers that change faster than they can be read cost time and tell nothing. */
-  #scheduleReadouts() {
-    if (this.readoutTimer) return;
-    this.readoutTimer = setTimeout(
-      () => {
-        this.readoutTimer = null;
-        this.#all((panel) => panel.updateReadout());
-      },
-      this.state.playing ? 120 : 16,
-    );
   }
 
   #setJoint() {
@@ -506,42 +501,25 @@ export class PlotArea {
   /** Buttons of a quantity: which of its lines are drawn, and what its y axis is fitted to. */
   #head(quantity) {
     const { state } = this;
-    const buttons =
-      quantity.kinds.length < 2
-        ? []
-        : quantity.kinds.map((kind) => {
-            const button = el(
-              'button',
-              { type: 'button', class: 'chip', onclick: () => state.toggleKind(kind.key) },
-              lineSample(kind.style),
-              kind.label,
-            );
-            this.heads.push(() => button.setAttribute('aria-pressed', String(!state.hiddenKinds.has(kind.key))));
-            return button;
-          });
+    const toggle = (key, properties, ...content) => {
+      const chip = button({ class: 'chip', onclick: () => state.toggleKind(key), ...properties }, ...content);
+      this.heads.push(() => setPressed(chip, !state.hiddenKinds.has(key)));
+      return chip;
+    };
+    const kinds = quantity.kinds.length < 2 ? [] : quantity.kinds;
+    const buttons = kinds.map((kind) => toggle(kind.key, {}, lineSample(kind.style), kind.label));
     const hasBound = quantity.bound && anyHas(state.run, quantity.bound);
     if (hasBound && !quantity.isError) {
-      const button = el('button', {
-        type: 'button',
-        class: 'chip',
-        text: '± bound',
-        title: 'A band around the nominal line: how far the real joint may be from it at most',
-        onclick: () => state.toggleKind(bandOf(quantity)),
-      });
-      this.heads.push(() => button.setAttribute('aria-pressed', String(!state.hiddenKinds.has(bandOf(quantity)))));
-      buttons.push(button);
+      const title = 'A band around the nominal line: how far the real joint may be from it at most';
+      buttons.push(toggle(bandOf(quantity), { text: '± bound', title }));
     }
     if (quantity.limit || (quantity.isError && hasBound)) {
-      const button = el('button', {
-        type: 'button',
-        class: 'chip',
-        title: 'What the y axis shows: the limits, with what is near them, or all data and nothing else',
-        onclick: () => state.toggleFit(quantity.id),
-      });
+      const title = 'What the y axis shows: the limits, with what is near them, or all data and nothing else';
+      const chip = button({ class: 'chip', title, onclick: () => state.toggleFit(quantity.id) });
       this.heads.push(() => {
-        button.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits';
+        chip.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits';
       });
-      buttons.push(button);
+      buttons.push(chip);
     }
     return el('span', { class: 'chips' }, ...buttons, this.#limitLegend(quantity));
   }

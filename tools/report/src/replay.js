@@ -1,19 +1,8 @@
-import {
-  Box3,
-  DirectionalLight,
-  GridHelper,
-  HemisphereLight,
-  PerspectiveCamera,
-  Scene,
-  Sphere,
-  Vector3,
-  WebGLRenderer,
-} from 'three';
-import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { limitsIn } from './data.js';
-import { caseStyle, el, iconButton, save } from './dom.js';
+import { button, caseStyle, choice, el, iconButton, save, setPressed } from './dom.js';
 import { fixed, inNewtons, number } from './format.js';
 import { CanvasPainter } from './painter.js';
+import { Picture } from './picture.js';
 import { Arm, readSurfaces, Trail } from './scene.js';
 import { ALL_CASES } from './state.js';
 import { describeContact, ForceArrow, forceScale, NearestLine, Surroundings } from './surroundings.js';
@@ -24,7 +13,6 @@ const TRAIL_S = 2;
 const SPEED_OVER_S = 0.01;
 /** As often the speed of a run is looked at, to find the largest; what is faster in between is found when it is shown. */
 const MOST_LOOKS = 5000;
-const FIELD_OF_VIEW = 35;
 const EXAGGERATIONS = [1, 10, 50];
 /** What can be hidden, and the runs that have it. */
 const PARTS = [
@@ -73,13 +61,7 @@ export function createReplay(host, run, state) {
   try {
     const replay = new Replay(stage, run, state);
     tools.append(
-      el('button', {
-        type: 'button',
-        class: 'quiet',
-        text: 'PNG',
-        title: 'Save the picture as PNG',
-        onclick: () => replay.savePicture(),
-      }),
+      button({ class: 'quiet', text: 'PNG', title: 'Save the picture as PNG', onclick: () => replay.savePicture() }),
       iconButton('home', 'Look at the arm from the start position', () => replay.resetCamera()),
     );
     const texts = [`line: tool, last ${TRAIL_S} s`];
@@ -109,21 +91,15 @@ export function createReplay(host, run, state) {
 /** Shows and hides a part of the replay. */
 function partButton({ id, label, title, legend }, state, replay) {
   const text = el('span', { text: label });
-  const button = el(
-    'button',
-    { type: 'button', class: 'chip', title, onclick: () => state.togglePart(id) },
-    el('span', { class: `key ${id}`, 'aria-hidden': 'true' }),
-    text,
-  );
-  const update = () => {
-    button.setAttribute('aria-pressed', String(!state.hiddenParts.has(id)));
+  const key = el('span', { class: `key ${id}`, 'aria-hidden': 'true' });
+  const chip = button({ class: 'chip', title, onclick: () => state.togglePart(id) }, key, text);
+  state.follow('replay cases', () => {
+    setPressed(chip, !state.hiddenParts.has(id));
     if (legend) text.textContent = label + legend(replay);
     const colour = state.replayCase === ALL_CASES ? 'var(--muted)' : caseStyle(state.replayCase)['--case'];
-    button.style.setProperty('--case', colour); // of the arm's edge and of its stop
-  };
-  state.on('replay cases', update);
-  update();
-  return button;
+    chip.style.setProperty('--case', colour); // of the arm's edge and of its stop
+  });
+  return chip;
 }
 
 /** From rest to the fastest. */
@@ -132,13 +108,8 @@ const speedColours = () => [colours.arm, ...colours.speeds];
 /** What the colours of the links tell. */
 function linkColour(state, replay) {
   const scale = el('span', { class: 'speed-scale', hidden: true });
-  const select = el(
-    'select',
-    { 'aria-label': 'Colour of the links', onchange: () => state.setLinkColour(select.value) },
-    el('option', { value: 'limits', text: 'a limit acts' }),
-    el('option', { value: 'speed', text: 'speed' }),
-  );
-  select.value = state.linkColour;
+  const meanings = [['limits', 'a limit acts'], ['speed', 'speed']];
+  const select = choice({ 'aria-label': 'Colour of the links' }, meanings, state.linkColour, (value) => state.setLinkColour(value));
   const show = () => {
     scale.hidden = state.linkColour !== 'speed';
     if (scale.hidden) return;
@@ -152,16 +123,10 @@ function linkColour(state, replay) {
 
 /** How far the real arm is drawn from the nominal one: a thousandth of a radian is not seen. */
 function exaggeration(state) {
-  const select = el(
-    'select',
-    {
-      'aria-label': 'Deviation of the real arm',
-      title: 'The real arm is drawn so many times as far from the nominal one as it was',
-      onchange: () => state.setExaggeration(Number(select.value)),
-    },
-    ...EXAGGERATIONS.map((factor) => el('option', { value: factor, text: `${factor} ×` })),
-  );
-  select.value = String(state.exaggeration);
+  const title = 'The real arm is drawn so many times as far from the nominal one as it was';
+  const factors = EXAGGERATIONS.map((factor) => [factor, `${factor} ×`]);
+  const choose = (value) => state.setExaggeration(Number(value));
+  const select = choice({ 'aria-label': 'Deviation of the real arm', title }, factors, state.exaggeration, choose);
   return el('label', { class: 'hint' }, 'deviation ', select);
 }
 
@@ -176,20 +141,17 @@ function whyNot(run) {
 }
 
 function caseChoice(run, state) {
-  const select = el(
-    'select',
-    { 'aria-label': 'Whose arm the replay shows', onchange: () => state.setReplayCase(Number(select.value)) },
-    ...run.cases.filter((c) => c.replay).map((c) => el('option', { value: c.index, text: c.name })),
-    run.cases.length > 1 ? el('option', { value: ALL_CASES, text: 'all shown cases' }) : null,
-  );
-  select.value = String(state.replayCase);
+  const options = run.cases.filter((c) => c.replay).map((c) => [c.index, c.name]);
+  if (run.cases.length > 1) options.push([ALL_CASES, 'all shown cases']);
+  const choose = (value) => state.setReplayCase(Number(value));
+  const select = choice({ 'aria-label': 'Whose arm the replay shows' }, options, state.replayCase, choose);
   state.on('replay', () => {
     select.value = String(state.replayCase);
   });
   return select;
 }
 
-class Replay {
+class Replay extends Picture {
   #arms = new Map(); // case index to { nominal, real, trail, stop, line, arrow }
   #surroundings = new Map(); // environment to Surroundings
   #visible = true;
@@ -199,37 +161,24 @@ class Replay {
   onFaster = () => {};
 
   constructor(stage, run, state) {
-    this.run = run;
+    super(stage, run, 'The arm at the time of the scrubber. Drag to turn, wheel to zoom.');
     this.state = state;
-    this.stage = stage;
     this.surfaces = readSurfaces(run);
     this.pose = new Float32Array(run.joints.length);
     this.realPose = new Float32Array(run.joints.length);
     this.text = el('div', { class: 'nearest-text' });
 
-    this.renderer = new WebGLRenderer({ antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const canvas = this.renderer.domElement;
-    canvas.setAttribute('role', 'img');
-    canvas.setAttribute('aria-label', 'The arm at the time of the scrubber. Drag to turn, wheel to zoom.');
     canvas.addEventListener('webglcontextlost', (event) => {
       event.preventDefault();
       stage.dataset.lost = 'true';
     });
     canvas.addEventListener('webglcontextrestored', () => {
       delete stage.dataset.lost;
-      this.#ask();
+      this.ask();
     });
-    stage.append(canvas, this.text);
-
-    this.scene = new Scene();
-    this.scene.add(new HemisphereLight(0xffffff, 0x8892a0, 2.1));
-    this.sun = new DirectionalLight(0xffffff, 1.9);
-    this.scene.add(this.sun, this.sun.target);
-    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
-    this.camera.up.set(0, 0, 1);
-    this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.addEventListener('change', () => this.#ask());
+    stage.append(this.text);
 
     this.#findBounds();
     this.#choose();
@@ -239,9 +188,9 @@ class Replay {
     new ResizeObserver(() => this.#resize()).observe(stage);
     new IntersectionObserver((entries) => {
       this.#visible = entries.at(-1).isIntersecting;
-      if (this.#visible) this.#ask();
+      if (this.#visible) this.ask();
     }).observe(stage);
-    state.on('time', () => this.#ask());
+    state.on('time', () => this.ask());
     state.on('replay cases', () => {
       this.#choose();
       this.#paint();
@@ -271,7 +220,7 @@ class Replay {
       const surroundings = this.#surroundingsOf(c);
       if (surroundings) surroundings.root.visible = !this.#isHidden('obstacles');
     });
-    this.#ask();
+    this.ask();
   }
 
   #isHidden(part) {
@@ -290,25 +239,20 @@ class Replay {
   #armOf(c) {
     if (!this.#arms.has(c.index)) {
       const nominal = new Arm(this.run, this.surfaces);
-      const real = c.replay.real ? new Arm(this.run, this.surfaces, { outline: 0.008 * this.#size }) : null;
+      const real = c.replay.real ? new Arm(this.run, this.surfaces, { outline: 0.008 * this.size }) : null;
       const trail = new Trail();
       const stop = c.replay.rest ? new Arm(this.run, this.surfaces, { opacity: 0.34 }) : null;
-      const line = c.replay.nearest ? new NearestLine(this.stage, this.#size) : null;
-      const arrow = c.replay.contact ? new ForceArrow(this.stage, this.#size) : null;
+      const line = c.replay.nearest ? new NearestLine(this.stage, this.size) : null;
+      const arrow = c.replay.contact ? new ForceArrow(this.stage, this.size) : null;
       for (const object of [nominal, real, trail, stop, line, arrow]) if (object) this.scene.add(object.root);
       this.#arms.set(c.index, { nominal, real, trail, stop, line, arrow });
     }
     return this.#arms.get(c.index);
   }
 
-  /** How long the arm is, about [m]. */
-  get #size() {
-    return this.run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
-  }
-
   /** What a tenth of a metre of the arrows is [N], by the arms that are shown; 0: none touches anything. */
   get perDecimetre() {
-    return forceScale(Math.max(0, ...this.#cases.map((c) => c.contact?.peak ?? 0)), this.#size);
+    return forceScale(Math.max(0, ...this.#cases.map((c) => c.contact?.peak ?? 0)), this.size);
   }
 
   #contactOf(c, time) {
@@ -319,35 +263,16 @@ class Replay {
   #findBounds() {
     const c = this.#cases[0] ?? this.run.cases.find((each) => each.replay);
     const { nominal } = this.#armOf(c);
-    const box = new Box3().expandByPoint(new Vector3());
-    for (let i = 0; i < 12; ++i) {
-      nominal.pose(c.replay.nominal, Math.floor((i / 12) * c.replay.n) * this.run.joints.length);
-      nominal.root.updateMatrixWorld(true);
-      box.expandByObject(nominal.root);
-    }
-    this.ground = box.min.z;
-    this.bounds = box.getBoundingSphere(new Sphere());
-    if (!(this.bounds.radius > 0)) this.bounds.radius = 1;
+    const { nominal: q, n } = c.replay;
+    const poses = Array.from({ length: 12 }, (_, i) => () => nominal.pose(q, Math.floor((i / 12) * n) * this.run.joints.length));
+    const box = this.bound(nominal, poses);
     const beside = box.clone().expandByScalar(0.25 * this.bounds.radius);
     const surroundings = this.#surroundingsOf(c);
     if (surroundings) box.union(surroundings.partOf(beside)).getBoundingSphere(this.bounds);
   }
 
   resetCamera() {
-    const { center, radius } = this.bounds;
-    this.controls.target.copy(center);
-    const distance = (radius * 0.92) / Math.sin(((FIELD_OF_VIEW / 2) * Math.PI) / 180);
-    this.camera.position.set(0.62, -0.92, 0.42).normalize().multiplyScalar(distance).add(center);
-    this.camera.near = distance / 100;
-    this.camera.far = distance * 20;
-    this.camera.updateProjectionMatrix();
-    this.sun.position
-      .set(1, -0.6, 1.6)
-      .multiplyScalar(radius * 3)
-      .add(center);
-    this.sun.target.position.copy(center);
-    this.controls.update();
-    this.#ask();
+    this.lookFrom([0.62, -0.92, 0.42], 0.92);
   }
 
   #paint() {
@@ -361,26 +286,14 @@ class Replay {
       real?.paint(colour, colour);
       trail.paint(colour);
     }
-    if (this.floor) this.scene.remove(this.floor);
-    const cell = 10 ** Math.floor(Math.log10(this.bounds.radius * 0.5));
-    const cells = 2 * Math.ceil((this.bounds.radius * 1.5) / cell);
-    this.floor = new GridHelper(cells * cell, cells, colours.limit, colours.line);
-    this.floor.rotation.x = Math.PI / 2;
-    this.floor.position.z = Math.min(0, this.ground) - cell * 0.01; // not in the plane that a base may stand on
-    this.scene.add(this.floor);
-    this.#ask();
+    this.paintFloor();
   }
 
   #resize() {
-    const { clientWidth: width, clientHeight: height } = this.stage;
-    if (width === 0 || height === 0) return;
-    this.renderer.setSize(width, height);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    this.#draw(); // a canvas of a new size is empty
+    if (this.fit()) this.#draw(); // a canvas of a new size is empty
   }
 
-  #ask() {
+  ask() {
     if (this.#frameAsked || !this.#visible) return;
     this.#frameAsked = true;
     requestAnimationFrame(() => this.#draw());
@@ -435,7 +348,7 @@ class Replay {
     if (Math.max(...speeds) > fastest) {
       this.#fastest.set(c.index, Math.max(...speeds));
       this.onFaster();
-      this.#ask(); // with the new scale
+      this.ask(); // with the new scale
     }
     nominal.colourByShares(
       speeds.map((speed) => (fastest > 0 ? speed / fastest : 0)),
@@ -475,16 +388,13 @@ class Replay {
   /** Tells in words what is nearest; the distance beside its line, where only one is drawn. */
   #write(time) {
     const cases = this.#cases.filter((c) => c.replay.nearest);
-    const { clientWidth: width, clientHeight: height } = this.stage;
     for (const c of cases) {
       const { line } = this.#armOf(c);
-      line.placeLabel(cases.length === 1 ? inMillimetres(c.nearestAt(time)) : '', this.camera, width, height);
+      this.label(line, cases.length === 1 ? inMillimetres(c.nearestAt(time)) : '');
       line.label.classList.toggle('bad', isTooNear(c, time));
     }
-    for (const c of this.#cases) {
-      const text = this.#cases.length === 1 ? inNewtons(c.contactAt(time)?.pressing) : '';
-      this.#armOf(c).arrow?.placeLabel(text, this.camera, width, height);
-    }
+    for (const c of this.#cases)
+      this.label(this.#armOf(c).arrow, this.#cases.length === 1 ? inNewtons(c.contactAt(time)?.pressing) : '');
     const of = (c) => (this.#cases.length > 1 ? `${c.name}: ` : '');
     const texts = this.#cases.flatMap((c) => {
       const contact = this.#contactOf(c, time);

@@ -109,6 +109,13 @@ export function readPose(pose) {
   return { position: new Vector3(...(pose?.xyz ?? [0, 0, 0])), orientation: new Quaternion(x, y, z, w) };
 }
 
+/** Puts an object there. */
+export function placed(object, { position, orientation }) {
+  object.position.copy(position);
+  object.quaternion.copy(orientation);
+  return object;
+}
+
 /** The link whose way is drawn: the tool, else the last fixed one without shapes, else the last. */
 function findTool({ tool, links }) {
   if (Number.isInteger(tool) && links[tool]) return tool;
@@ -133,10 +140,7 @@ export class Arm {
     const { links } = run.scene;
     const carrier = (i) => (i < 0 ? -1 : links[i].joint >= 0 ? links[i].joint : carrier(links[i].parent));
     this.#links = links.map((link, i) => {
-      const { position, orientation } = readPose(link.origin);
-      const origin = new Group();
-      origin.position.copy(position);
-      origin.quaternion.copy(orientation);
+      const origin = placed(new Group(), readPose(link.origin));
       const frame = new Group(); // moves in its origin
       origin.add(frame);
       const material = new MeshStandardMaterial(

@@ -21,7 +21,7 @@ import {
 } from 'three';
 import { el } from './dom.js';
 import { inNewtons, ticks } from './format.js';
-import { asOneBody, ORDER, readPose, readShape } from './scene.js';
+import { asOneBody, ORDER, placed, readPose, readShape } from './scene.js';
 
 /** What stands around the arm, in three's scene. */
 export class Surroundings {
@@ -51,10 +51,9 @@ export class Surroundings {
       case 'map':
         return obstacle.centres ? this.#makeMap(run, obstacle, where) : new Group();
       default: {
-        const { geometry, position, orientation } = readShape(run, obstacle, where);
-        const group = new Group();
-        group.position.copy(position);
-        group.quaternion.copy(orientation);
+        const shape = readShape(run, obstacle, where);
+        const { geometry } = shape;
+        const group = placed(new Group(), shape);
         group.add(this.#fill(geometry, 0.42), this.#line(new LineSegments(new EdgesGeometry(geometry, 30)), 0.75));
         return group;
       }
@@ -90,8 +89,8 @@ export class Surroundings {
     const shells = [];
     capsules.forEach((capsule, i) => {
       const shape = { type: 'capsule', ...capsule };
-      const { geometry, position, orientation } = readShape(run, shape, `${where}.capsules[${i}]`);
-      const mesh = this.#fill(geometry, 0.7);
+      const read = readShape(run, shape, `${where}.capsules[${i}]`);
+      const mesh = this.#fill(read.geometry, 0.7);
       const shell = new Group();
       const length = new Vector3(...capsule.to).distanceTo(new Vector3(...capsule.from));
       const [ball, rod] = [new SphereGeometry(1, 24, 16), new CylinderGeometry(1, 1, 1, 24, 1, true)];
@@ -103,11 +102,8 @@ export class Surroundings {
       const middle = this.#fill(rod, 0.09);
       middle.visible = length > 0;
       shell.add(...ends, middle);
-      for (const part of [mesh, shell]) {
-        part.position.copy(position);
-        part.quaternion.copy(orientation);
-      }
-      body.add(mesh);
+      placed(shell, read);
+      body.add(placed(mesh, read));
       const resize = (radius) => {
         for (const end of ends) end.scale.setScalar(radius);
         middle.scale.set(radius, length || 1, radius);
@@ -130,13 +126,10 @@ export class Surroundings {
   #makeMap(run, { pose, edge_m: edge, centres: reference }, where) {
     const centres = run.array(reference, `${where}.centres`);
     const material = new MeshStandardMaterial({ roughness: 0.9, opacity: 0.5 });
-    const cubes = new InstancedMesh(new BoxGeometry(edge, edge, edge), material, centres.length / 3);
+    const cubes = placed(new InstancedMesh(new BoxGeometry(edge, edge, edge), material, centres.length / 3), readPose(pose));
     const place = new Matrix4();
     for (let i = 0; i < cubes.count; ++i)
       cubes.setMatrixAt(i, place.setPosition(centres[3 * i], centres[3 * i + 1], centres[3 * i + 2]));
-    const { position, orientation } = readPose(pose);
-    cubes.position.copy(position);
-    cubes.quaternion.copy(orientation);
     const [depth, paint] = asOneBody(cubes, ORDER.map);
     depth.instanceMatrix = paint.instanceMatrix;
     this.#fills.push(material);

@@ -1,9 +1,9 @@
 // Did the real arm keep its limits? What `viable verify` found out: a verdict per joint and quantity, and why.
 import { drawBeyond, drawLabel, LIMIT_STYLES, limitText, pad, traceLimit, withLabels } from './charts.js';
 import { JUDGED } from './data.js';
-import { caseStyle, el, lineSample, swatch } from './dom.js';
+import { button, caseStyle, el, lineSample, setPressed, swatch, table } from './dom.js';
 import { amount, duration, number, seconds, span } from './format.js';
-import { Panel } from './plots.js';
+import { followPage, Panel } from './plots.js';
 import { pretty } from './table.js';
 import { caseColour, colours } from './theme.js';
 import { envelope, trace, widen } from './traces.js';
@@ -17,6 +17,10 @@ const VERDICTS = {
 };
 const WORST_FIRST = ['broken', 'cannot_tell', 'held', 'no_limit'];
 const verdictOf = ({ verdict }) => VERDICTS[verdict] ?? VERDICTS.cannot_tell;
+function judgement(judged) {
+  const { word, mark, tone } = verdictOf(judged);
+  return el('span', { class: `judgement ${tone}` }, el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }), word);
+}
 
 const TABLE = 'Verdict per joint and limit';
 const RAW = { width: 1, alpha: 0.25 }; // pale: it may fill the whole plot
@@ -268,41 +272,19 @@ export class Verification {
 
   #listen() {
     const { state } = this;
-    const redraw = () => this.#panel?.invalidate(false);
-    new ResizeObserver(redraw).observe(this.plot);
-    this.observer = new IntersectionObserver((entries) => this.#panel?.setVisible(entries.at(-1).isIntersecting), {
-      rootMargin: '150px 0px',
-    });
-    addEventListener('beforeprint', () => this.#panel?.drawForPrint());
-    state.on('view theme', redraw);
+    this.observer = followPage(() => (this.#panel ? [this.#panel] : []), this.plot, state, 'view theme');
     state.on('kinds', () => {
       this.#updateHead();
       this.#panel?.invalidate();
-    });
-    state.on('time', () => this.#panel?.placeScrubLine());
-    state.on('time hover', () => {
-      if (this.timer) return;
-      this.timer = setTimeout(
-        () => {
-          this.timer = null;
-          this.#panel?.updateReadout();
-        },
-        state.playing ? 120 : 16,
-      );
     });
   }
 
   /** Each verified case with its verdict; a button, where there are several. */
   #choice() {
     this.choices = this.cases.map((c) => {
-      const { word, mark, tone } = verdictOf(c.verification);
-      const content = [
-        swatch(c.index),
-        `${c.name} `,
-        el('span', { class: `judgement ${tone}` }, el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }), word),
-      ];
+      const content = [swatch(c.index), `${c.name} `, judgement(c.verification)];
       if (this.cases.length === 1) return el('span', { class: 'legend-item', style: caseStyle(c.index) }, ...content);
-      return el('button', { type: 'button', class: 'chip', onclick: () => this.#setCase(c) }, ...content);
+      return button({ class: 'chip', onclick: () => this.#setCase(c) }, ...content);
     });
     return el('span', { class: 'chips', role: 'group', 'aria-label': 'Verified case' }, ...this.choices);
   }
@@ -311,7 +293,7 @@ export class Verification {
     this.c = c;
     const { verification } = c;
     if (this.cases.length > 1)
-      this.choices.forEach((button, i) => button.setAttribute('aria-pressed', String(this.cases[i] === c)));
+      this.choices.forEach((chip, i) => setPressed(chip, this.cases[i] === c));
     const arm = verification.signal === 'nominal' ? 'nominal' : 'real';
     this.title.textContent = `Did the ${arm} arm keep its limits?`;
     this.intro.textContent =
@@ -359,63 +341,35 @@ export class Verification {
         hasLeftOut ? value(joint.left_out === null ? '–' : String(joint.left_out)) : null,
       );
     });
-    const table = el(
-      'table',
-      {
-        class: 'summary verification',
-        role: 'grid',
-        'aria-label': TABLE,
-        onkeydown: (event) => this.#move(event),
-      },
-      el(
-        'thead',
-        {},
-        el(
-          'tr',
-          {},
-          head('joint'),
-          ...JUDGED.map((quantity) => head(quantity)),
-          head('noise', 'Standard deviation of a reading', true),
-          head('resolution', 'The steps in which readings come; –: none were found', true),
-          head('resolves', 'Motion that is quicker is not resolved', true),
-          hasLeftOut ? head('left out', 'Readings that were left out as outliers', true) : null,
-        ),
-      ),
-      el('tbody', {}, ...rows),
-    );
-    this.table.replaceChildren(table);
+    const heads = [
+      head('joint'),
+      ...JUDGED.map((quantity) => head(quantity)),
+      head('noise', 'Standard deviation of a reading', true),
+      head('resolution', 'The steps in which readings come; –: none were found', true),
+      head('resolves', 'Motion that is quicker is not resolved', true),
+      hasLeftOut ? head('left out', 'Readings that were left out as outliers', true) : null,
+    ];
+    const onkeydown = (event) => this.#move(event);
+    this.table.replaceChildren(table({ class: 'summary verification', role: 'grid', 'aria-label': TABLE, onkeydown }, heads, rows));
   }
 
   #cell(j, column, name, quantity, { limits, curves }) {
     const limit = limits[quantity];
-    const { word, mark, tone } = verdictOf(limit);
     const below = remark(limit, quantity);
-    const content = [
-      el('span', { class: `judgement ${tone}` }, el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }), word),
-      below ? el('span', { class: 'remark', text: below }) : null,
-    ];
+    const content = [judgement(limit), below ? el('span', { class: 'remark', text: below }) : null];
     const title = explain(limit, quantity);
     if (!curves) return el('td', { title: title || null }, ...content);
-    const button = el(
-      'button',
-      {
-        type: 'button',
-        class: 'verdict-cell',
-        tabindex: -1,
-        title: title || null,
-        'aria-label': `${name}, ${quantity}: ${word}${title ? `; ${title}` : ''}`,
-        onclick: () => this.#select(j, quantity),
-      },
-      ...content,
-    );
-    this.#cells.push({ button, j, quantity, column });
-    return el('td', {}, button);
+    const label = `${name}, ${quantity}: ${verdictOf(limit).word}${title ? `; ${title}` : ''}`;
+    const onclick = () => this.#select(j, quantity);
+    const cell = button({ class: 'verdict-cell', tabindex: -1, title: title || null, 'aria-label': label, onclick }, ...content);
+    this.#cells.push({ button: cell, j, quantity, column });
+    return el('td', {}, cell);
   }
 
   /** Arrows go from cell to cell, and what they come to is shown. */
   #move(event) {
     const step = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] }[event.key];
-    const from = this.#cells.find(({ button }) => button === event.target);
+    const from = this.#cells.find((cell) => cell.button === event.target);
     if (!step || !from || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     event.stopPropagation();
@@ -432,7 +386,7 @@ export class Verification {
   #select(joint, quantity) {
     for (const cell of this.#cells) {
       const isIt = cell.j === joint && cell.quantity === quantity;
-      cell.button.setAttribute('aria-pressed', String(isIt));
+      setPressed(cell.button, isIt);
       cell.button.tabIndex = isIt ? 0 : -1;
     }
     this.#chart.select(this.c, joint, quantity);
@@ -452,28 +406,23 @@ export class Verification {
   #head() {
     const chip = (kind, sample) => {
       const label = el('span');
-      const button = el(
-        'button',
-        { type: 'button', class: 'chip', onclick: () => this.state.toggleKind(`verification_${kind}`) },
-        sample,
-        label,
-      );
-      return { kind, button, label };
+      const onclick = () => this.state.toggleKind(`verification_${kind}`);
+      return { kind, chip: button({ class: 'chip', onclick }, sample, label), label };
     };
     this.chips = [
       chip('mean', lineSample(MEAN)),
       chip('band', el('span', { class: 'band-sample', 'aria-hidden': 'true' })),
       chip('raw', lineSample(RAW)),
     ];
-    return el('span', { class: 'chips' }, ...this.chips.map(({ button }) => button));
+    return el('span', { class: 'chips' }, ...this.chips.map(({ chip }) => chip));
   }
 
   #updateHead() {
     if (!this.chips) return;
     const names = { mean: 'estimate', band: bandName(this.c.verification), raw: rawName(this.#chart.quantity) };
-    for (const { kind, button, label } of this.chips) {
+    for (const { kind, chip, label } of this.chips) {
       label.textContent = names[kind];
-      button.setAttribute('aria-pressed', String(this.#chart.isShown(kind)));
+      setPressed(chip, this.#chart.isShown(kind));
     }
   }
 

@@ -1,4 +1,4 @@
-import { el, freeKeys, iconButton, swatch } from '../dom.js';
+import { button, choice, el, freeKeys, iconButton, setPressed, swatch, table } from '../dom.js';
 import { fixed, inNewtons, number } from '../format.js';
 import { limitColour } from '../theme.js';
 import { themeButton } from '../theme_button.js';
@@ -46,20 +46,19 @@ export class Bar {
     this.pill = el('span', { class: 'pill', role: 'status' });
     this.asker = el('span', { class: 'hint asker' });
     this.people = el('span', { class: 'hint people' });
-    const button = (text, title, word, properties = {}) =>
-      el('button', { type: 'button', text, title, onclick: () => link.say(word), ...properties });
-    this.take = button('Take control', 'Only one page moves the arm', 'take', {
+    const act = (text, title, word, properties = {}) => button({ text, title, onclick: () => link.say(word), ...properties });
+    this.take = act('Take control', 'Only one page moves the arm', 'take', {
       onclick: () => link.say(link.isOperator ? 'leave' : link.people.operator === null ? 'take' : 'take over'),
     });
-    this.start = button('Start', 'The command begins, or goes on', 'start', { class: 'go' });
-    this.pause = button('Hold', 'Brakes and holds the arm (space)', 'pause', { class: 'hold' });
-    this.stop = button('Stop', 'Brakes and ends', 'stop', { class: 'halt' });
-    this.record = button('Record', 'Marks what happens as a take, to find and to export it later, until it is pressed again', 'record', {
+    this.start = act('Start', 'The command begins, or goes on', 'start', { class: 'go' });
+    this.pause = act('Hold', 'Brakes and holds the arm (space)', 'pause', { class: 'hold' });
+    this.stop = act('Stop', 'Brakes and ends', 'stop', { class: 'halt' });
+    this.record = act('Record', 'Marks what happens as a take, to find and to export it later, until it is pressed again', 'record', {
       class: 'record',
       onclick: () => link.say(this.#recorded > 0 ? 'end record' : 'record'),
     });
     this.recorded = el('span', { class: 'hint recorded', role: 'status' });
-    this.invite = button('Invite', 'An address for one more browser', 'invite');
+    this.invite = act('Invite', 'An address for one more browser', 'invite');
     host.append(
       el(
         'div',
@@ -118,7 +117,7 @@ export class Bar {
     this.asker.textContent = isOf ? (ASKERS[link.event.asker] ?? '') : '';
     const { operator, people } = link.people;
     this.take.textContent = link.isOperator ? 'Let go of control' : operator === null ? 'Take control' : 'Take over';
-    this.take.setAttribute('aria-pressed', String(link.isOperator));
+    setPressed(this.take, link.isOperator);
     const isOver = state === 'stopping' || state === 'stopped' || state === 'lost';
     // What is pressed while the line is silent takes effect whenever it recovers: only what brakes may.
     this.take.disabled = isOver || link.isSilent;
@@ -127,7 +126,7 @@ export class Bar {
     const hasTicks = state !== 'stopped' && state !== 'lost';
     const isRecording = hasTicks && this.#recorded > 0;
     this.record.disabled = !hasTicks || link.isSilent || !mayOperate;
-    this.record.setAttribute('aria-pressed', String(isRecording));
+    setPressed(this.record, isRecording);
     this.recorded.textContent = isRecording ? `Recording take ${this.#recorded}` : '';
     this.pause.disabled = state !== 'running';
     this.stop.disabled = isOver;
@@ -177,8 +176,7 @@ export class HandPanel {
   #toolControls(view) {
     const { hand } = this;
     const modes = ['translate', 'rotate'].map((mode) =>
-      el('button', {
-        type: 'button',
+      button({
         text: mode === 'translate' ? 'Shift' : 'Turn',
         title: mode === 'translate' ? 'Drag the arrows (key T)' : 'Drag the rings (key R)',
         'aria-pressed': String(mode === 'translate'),
@@ -187,7 +185,7 @@ export class HandPanel {
     );
     const choose = (mode) => {
       view.setMode(mode);
-      modes.forEach((button, i) => button.setAttribute('aria-pressed', String((i === 1) === (mode === 'rotate'))));
+      modes.forEach((one, i) => setPressed(one, (i === 1) === (mode === 'rotate')));
     };
     addEventListener('keydown', ({ key, target, ctrlKey, metaKey }) => {
       if (ctrlKey || metaKey || target.closest?.('input, select')) return;
@@ -207,17 +205,11 @@ export class HandPanel {
       },
     });
     freeKeys(scale);
-    const part = el(
-      'select',
-      {
-        'aria-label': 'What of the hand counts',
-        onchange: () => {
-          hand.part = Number(part.value);
-          if (!part.matches(':focus-visible')) part.blur();
-        },
-      },
-      ...['position and turn', 'position only', 'turn only'].map((text, value) => el('option', { value, text })),
-    );
+    const parts = ['position and turn', 'position only', 'turn only'].map((text, value) => [value, text]);
+    const part = choice({ 'aria-label': 'What of the hand counts' }, parts, null, (value) => {
+      hand.part = Number(value);
+      if (!part.matches(':focus-visible')) part.blur();
+    });
     return el(
       'div',
       { class: 'controls' },
@@ -370,18 +362,10 @@ export class JointPanel {
       );
       return { row, mark, rest, value, speed, acting };
     });
+    const heads = ['', run.joints.some(({ linear }) => linear) ? 'q [rad, m]' : 'q [rad]', 'position', 'velocity', 'limit that acts'];
     host.append(
       el('div', { class: 'card-head' }, el('h2', { text: 'Joints' })),
-      el(
-        'table',
-        { class: 'joints' },
-        el(
-          'thead',
-          {},
-          el('tr', {}, ...['', run.joints.some(({ linear }) => linear) ? 'q [rad, m]' : 'q [rad]', 'position', 'velocity', 'limit that acts'].map((text) => el('th', { scope: 'col', text }))),
-        ),
-        el('tbody', {}, ...this.rows.map(({ row }) => row)),
-      ),
+      table({ class: 'joints' }, heads.map((text) => el('th', { scope: 'col', text })), this.rows.map(({ row }) => row)),
     );
   }
 
@@ -482,15 +466,9 @@ export function viewHead(view, run, headset) {
       'span',
       { class: 'chips' },
       ...parts.map(([part, text, title]) => {
-        const button = el('button', {
-          type: 'button',
-          class: 'chip',
-          text,
-          title,
-          'aria-pressed': 'true',
-          onclick: () => button.setAttribute('aria-pressed', String(view.togglePart(part))),
-        });
-        return button;
+        const onclick = () => setPressed(chip, view.togglePart(part));
+        const chip = button({ class: 'chip', text, title, 'aria-pressed': 'true', onclick });
+        return chip;
       }),
     ),
     el('span', { class: 'push' }),

@@ -1,6 +1,6 @@
 // A phone that is turned: while a finger holds the pad, the tool turns as the phone does.
 import { Euler, Quaternion, Vector3 } from 'three';
-import { el } from '../dom.js';
+import { button, el } from '../dom.js';
 
 const BY = 'phone';
 const PERIOD_MS = 16;
@@ -21,8 +21,8 @@ export function phonePad(view, hand) {
   let toBase = new Quaternion(); // since the pad is held
   let timer = 0;
   const note = el('p', { class: 'hint', role: 'status', text: 'The tool turns as the phone does, seen in the picture above.' });
-  const enable = el('button', { type: 'button', text: 'Turn it with this phone', onclick: () => begin() });
-  const pad = el('button', { type: 'button', class: 'pad', text: 'Hold, and turn the phone', hidden: true });
+  const enable = button({ text: 'Turn it with this phone', onclick: () => begin() });
+  const pad = button({ class: 'pad', text: 'Hold, and turn the phone', hidden: true });
 
   async function begin() {
     // iOS asks the user, and only when a gesture did; others just tell.

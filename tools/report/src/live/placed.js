@@ -1,8 +1,8 @@
 import { Group, Mesh, MeshStandardMaterial, Vector3 } from 'three';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
-import { el, freeKeys } from '../dom.js';
+import { button, el, freeKeys } from '../dom.js';
 import { fixed } from '../format.js';
-import { readShape } from '../scene.js';
+import { placed, readShape } from '../scene.js';
 import { colours } from '../theme.js';
 
 const SEND_MS = 33;
@@ -39,10 +39,10 @@ export class Placed {
         this.control.dragging = false; // the controls know only of a pointer that goes up
         this.control.axis = null;
       });
-    const button = (text, title, onclick) => el('button', { type: 'button', text, title, onclick });
+    const title = 'Beside the tool; then drag it';
     this.buttons = [
-      button('Add a ball', 'Beside the tool; then drag it', () => this.add({ ball: BALL_M })),
-      button('Add a box', 'Beside the tool; then drag it', () => this.add({ box: BOX_M })),
+      button({ text: 'Add a ball', title, onclick: () => this.add({ ball: BALL_M }) }),
+      button({ text: 'Add a box', title, onclick: () => this.add({ box: BOX_M }) }),
     ];
     this.list = el('ul', { class: 'placed' });
     this.size = el('input', {
@@ -147,11 +147,9 @@ export class Placed {
     for (const [place, { ball, box, at, turn }] of this.#ones) {
       const pose = { xyz: at, quat: turn };
       const shape = ball ? { type: 'sphere', radius: ball, pose } : { type: 'box', size: box, pose };
-      const { geometry, position, orientation } = readShape(this.run, shape, 'placed');
+      const read = readShape(this.run, shape, 'placed');
       const material = new MeshStandardMaterial({ roughness: 0.9, transparent: true, opacity: 0.62, color: colours.obstacle });
-      const mesh = new Mesh(geometry, material);
-      mesh.position.copy(position);
-      mesh.quaternion.copy(orientation);
+      const mesh = placed(new Mesh(read.geometry, material), read);
       this.root.add(mesh);
       if (place === this.#chosen && this.mayPlace) this.control.attach(mesh);
     }
@@ -162,7 +160,7 @@ export class Placed {
   #update() {
     const may = this.mayPlace;
     if (!may) this.control.detach();
-    for (const button of this.buttons) button.disabled = !may || this.#ones.size >= this.run.places;
+    for (const one of this.buttons) one.disabled = !may || this.#ones.size >= this.run.places;
     const chosen = this.#ones.get(this.#chosen);
     this.size.disabled = !may || !chosen;
     if (chosen) this.size.value = chosen.ball ? 2 * chosen.ball : chosen.box[0];
@@ -171,12 +169,12 @@ export class Placed {
         el(
           'li',
           {},
-          el('button', {
-            type: 'button', 'aria-pressed': String(place === this.#chosen), disabled: !may,
+          button({
+            'aria-pressed': String(place === this.#chosen), disabled: !may,
             text: `placed ${place}: ${ball ? `ball, ${fixed(200 * ball, 0)} cm` : `box, ${fixed(100 * box[0], 0)} cm`}`,
             onclick: () => this.#choose(place),
           }),
-          el('button', { type: 'button', text: 'Remove', disabled: !may, onclick: () => this.remove(place) }),
+          button({ text: 'Remove', disabled: !may, onclick: () => this.remove(place) }),
         ),
       ),
     );

@@ -1,4 +1,4 @@
-import { el } from '../dom.js';
+import { choice, el } from '../dom.js';
 import { font } from '../painter.js';
 import { colours } from '../theme.js';
 
@@ -30,18 +30,11 @@ export class Strips {
     this.run = run;
     const n = run.joints.length;
     this.#values = QUANTITIES.map(() => new Float32Array(SAMPLES * n));
-    const select = el(
-      'select',
-      {
-        'aria-label': 'Joint that stands out',
-        onchange: () => {
-          this.#chosen = Number(select.value);
-          this.#ask();
-        },
-      },
-      el('option', { value: -1, text: 'all joints' }),
-      ...run.joints.map(({ name }, i) => el('option', { value: i, text: name })),
-    );
+    const options = [[-1, 'all joints'], ...run.joints.map(({ name }, i) => [i, name])];
+    const select = choice({ 'aria-label': 'Joint that stands out' }, options, null, (value) => {
+      this.#chosen = Number(value);
+      this.#ask();
+    });
     this.canvases = QUANTITIES.map(([title]) =>
       el('canvas', { class: 'strip', role: 'img', 'aria-label': `${title} of the joints, share of the limits, last 20 s` }),
     );

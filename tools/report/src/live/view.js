@@ -1,37 +1,20 @@
-import {
-  AxesHelper,
-  Box3,
-  DirectionalLight,
-  GridHelper,
-  HemisphereLight,
-  Mesh,
-  MeshBasicMaterial,
-  Object3D,
-  PerspectiveCamera,
-  Quaternion,
-  Scene,
-  Sphere,
-  SphereGeometry,
-  Vector3,
-  WebGLRenderer,
-} from 'three';
-import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import { AxesHelper, Mesh, MeshBasicMaterial, Object3D, Quaternion, SphereGeometry, Vector3 } from 'three';
 import { TransformControls } from 'three/examples/jsm/controls/TransformControls.js';
 import { el } from '../dom.js';
 import { inNewtons } from '../format.js';
+import { Picture } from '../picture.js';
 import { Arm, readSurfaces } from '../scene.js';
 import { describeContact, ForceArrow, forceScale, NearestLine, Surroundings } from '../surroundings.js';
 import { colours, limitColour } from '../theme.js';
 import { limitsOf } from './limits.js';
 import { contactOf } from './panel.js';
 
-const FIELD_OF_VIEW = 35;
 const SLOW_MS = 40; // a picture that takes longer is made of fewer pixels
 const LONGEST_GAP_MS = 250;
 const LEAST_RATIO = 0.35;
 
 /** The arm as it is, its stop, its real twin, what stands around it, and the frame by which a hand drags the tool. */
-export class View {
+export class View extends Picture {
   #asked = false;
   #frame = null;
   #ratio = Math.min(devicePixelRatio, 2);
@@ -48,26 +31,9 @@ export class View {
 
   /** @param {boolean} isSoftware without a graphics card: no smooth edges */
   constructor(stage, run, hand, isSoftware) {
-    this.stage = stage;
-    this.run = run;
+    super(stage, run, 'The arm now. Drag to turn the view, wheel to zoom, drag the arrows to move the tool.', !isSoftware);
     this.hand = hand;
-    this.renderer = new WebGLRenderer({ antialias: !isSoftware, alpha: true });
-    const canvas = this.renderer.domElement;
-    canvas.setAttribute('role', 'img');
-    canvas.setAttribute('aria-label', 'The arm now. Drag to turn the view, wheel to zoom, drag the arrows to move the tool.');
-    stage.append(canvas);
-
-    this.scene = new Scene();
-    this.scene.add(new HemisphereLight(0xffffff, 0x8892a0, 2.1));
-    this.sun = new DirectionalLight(0xffffff, 1.9);
-    this.scene.add(this.sun, this.sun.target);
-    this.camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
-    this.camera.up.set(0, 0, 1);
-    this.orbit = new OrbitControls(this.camera, canvas);
-    this.orbit.addEventListener('change', () => this.ask());
-
     const surfaces = readSurfaces(run);
-    this.size = run.scene.links.reduce((sum, { origin }) => sum + Math.hypot(...origin.xyz), 0) || 1;
     this.nominal = new Arm(run, surfaces);
     this.real = run.hasReal ? new Arm(run, surfaces, { outline: 0.008 * this.size }) : null;
     this.stop = new Arm(run, surfaces, { opacity: 0.34 });
@@ -180,11 +146,7 @@ export class View {
   }
 
   #findBounds() {
-    this.nominal.root.updateMatrixWorld(true);
-    const box = new Box3().expandByPoint(new Vector3()).expandByObject(this.nominal.root);
-    this.ground = box.min.z;
-    this.bounds = box.getBoundingSphere(new Sphere());
-    if (!(this.bounds.radius > 0)) this.bounds.radius = 1;
+    this.bound(this.nominal);
     this.bounds.radius *= 1.15;
     if (!this.run.environment) return;
     this.surroundings = new Surroundings(this.run, this.run.environment, this.bounds);
@@ -192,20 +154,7 @@ export class View {
   }
 
   resetCamera() {
-    const { center, radius } = this.bounds;
-    this.orbit.target.copy(center);
-    const distance = radius / Math.sin(((FIELD_OF_VIEW / 2) * Math.PI) / 180) / Math.min(1, this.camera.aspect);
-    this.camera.position.set(0.72, -0.86, 0.4).normalize().multiplyScalar(distance).add(center);
-    this.camera.near = distance / 100;
-    this.camera.far = distance * 20;
-    this.camera.updateProjectionMatrix();
-    this.sun.position
-      .set(1, -0.6, 1.6)
-      .multiplyScalar(radius * 3)
-      .add(center);
-    this.sun.target.position.copy(center);
-    this.orbit.update();
-    this.ask();
+    this.lookFrom([0.72, -0.86, 0.4], 1 / Math.min(1, this.camera.aspect));
   }
 
   paint() {
@@ -216,24 +165,13 @@ export class View {
     this.stop.paint(colours.accent, colours.accent);
     this.arrow?.paint(colours.force);
     this.ball.material.color.set(colours.cases[1]);
-    if (this.floor) this.scene.remove(this.floor);
-    const cell = 10 ** Math.floor(Math.log10(this.bounds.radius * 0.5));
-    const cells = 2 * Math.ceil((this.bounds.radius * 1.5) / cell);
-    this.floor = new GridHelper(cells * cell, cells, colours.limit, colours.line);
-    this.floor.rotation.x = Math.PI / 2;
-    this.floor.position.z = Math.min(0, this.ground) - cell * 0.01;
-    this.scene.add(this.floor);
-    this.ask();
+    this.paintFloor();
   }
 
   #resize() {
-    const { clientWidth: width, clientHeight: height } = this.stage;
-    if (width === 0 || height === 0 || this.#eye) return;
+    if (this.#eye || this.stage.clientWidth * this.stage.clientHeight === 0) return;
     this.renderer.setPixelRatio(this.#ratio);
-    this.renderer.setSize(width, height);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    this.ask();
+    if (this.fit()) this.ask();
   }
 
   /** A picture soon; where pictures take long, as long again is left for all else. */
@@ -300,8 +238,7 @@ export class View {
     );
     const isNear = distance < this.run.environment.safety_distance_m;
     this.line.paint(isNear ? colours.bad : colours.text);
-    const { clientWidth: width, clientHeight: height } = this.stage;
-    this.line.placeLabel(isKnown ? `${Math.round(1000 * distance)} mm` : '', this.camera, width, height);
+    this.label(this.line, isKnown ? `${Math.round(1000 * distance)} mm` : '');
     this.line.label.classList.toggle('bad', isNear);
   }
 
@@ -309,9 +246,8 @@ export class View {
     const contact = this.arrow && this.#isShown.get('contact') ? contactOf(this.#frame, this.run) : null;
     this.#hardest = Math.max(this.#hardest, contact?.pressing ?? 0);
     const perDecimetre = forceScale(this.#hardest, this.size);
-    const { clientWidth: width, clientHeight: height } = this.stage;
     this.arrow?.show(contact, perDecimetre);
-    this.arrow?.placeLabel(contact ? inNewtons(contact.pressing) : '', this.camera, width, height);
+    this.label(this.arrow, contact ? inNewtons(contact.pressing) : '');
     this.text.hidden = !contact;
     if (contact) this.text.textContent = `${describeContact(contact)}; arrow: 0.1 m is ${inNewtons(perDecimetre)}`;
   }

@@ -1,7 +1,7 @@
 // The arm in a headset: it stands in the room at its true size, and a controller whose trigger or grip is held moves the tool.
 // Also a phone that shows the arm in its camera's picture: it is the hand itself while a finger is on it.
 import { AxesHelper, CanvasTexture, Color, GridHelper, Group, Matrix4, Object3D, PerspectiveCamera, Quaternion, Sprite, SpriteMaterial, Vector3 } from 'three';
-import { el } from '../dom.js';
+import { button, choice, el } from '../dom.js';
 import { font } from '../painter.js';
 import { colours } from '../theme.js';
 import { limitsOf } from './limits.js';
@@ -51,16 +51,13 @@ export class Headset {
   /** Buttons for what this browser has; none where it has no headset. */
   controls() {
     const row = el('span', { class: 'buttons headset', hidden: true });
-    const stand = el(
-      'select',
-      { 'aria-label': 'Where you stand in the headset', title: 'Where you stand in the headset', onchange: () => (this.stand = Number(stand.value)) },
-      ...STANDS.map((text, value) => el('option', { value, text })),
-    );
-    for (const [mode, text, title] of MODES) {
+    const title = 'Where you stand in the headset';
+    const stand = choice({ 'aria-label': title, title }, STANDS.map((text, value) => [value, text]), null, (value) => (this.stand = Number(value)));
+    for (const [mode, text, tip] of MODES) {
       navigator.xr?.isSessionSupported(mode).then(
         (isSupported) => {
           if (!isSupported) return;
-          row.append(el('button', { type: 'button', text, title, onclick: () => this.enter(mode) }));
+          row.append(button({ text, title: tip, onclick: () => this.enter(mode) }));
           row.append(stand); // after the last button
           row.hidden = false;
         },

@@ -1,4 +1,4 @@
-import { caseStyle, el, swatch, tellHeight } from '../dom.js';
+import { button, caseToggles, el, setPressed, swatch, tellHeight } from '../dom.js';
 import { themeButton } from '../theme_button.js';
 import { isOk, OUTSIDE, prettyStatus, severity } from './data.js';
 
@@ -104,7 +104,7 @@ function limitSentences(sweep, rows) {
 export function fillToolbar(host, state) {
   const { sweep } = state;
   host.append(
-    caseToggles(state),
+    caseToggles(state, sweep.cases, 'rows', () => state.shownCases),
     resultChoice(state),
     statusChips(state),
     el('span', { class: 'push' }),
@@ -112,21 +112,6 @@ export function fillToolbar(host, state) {
   );
   if (sweep.rows === 0) host.querySelector('select')?.setAttribute('disabled', '');
   tellHeight(host);
-}
-
-function caseToggles(state) {
-  const buttons = state.sweep.cases.map((c, i) =>
-    el(
-      'button',
-      { type: 'button', class: 'case-toggle', style: caseStyle(i), title: `Show or hide ${c.name}`, onclick: () => state.toggleCase(i) },
-      swatch(i),
-      el('span', { class: 'case-name', text: c.name }),
-    ),
-  );
-  const update = () => buttons.forEach((button, i) => button.setAttribute('aria-pressed', String(state.shownCases[i])));
-  state.on('rows', update);
-  update();
-  return el('div', { class: 'cases', role: 'group', 'aria-label': 'Cases' }, ...buttons);
 }
 
 /** The results, those of one thing (worst_use, tracking, ...) together. */
@@ -155,16 +140,13 @@ function resultChoice(state) {
 function statusChips(state) {
   const { sweep } = state;
   const chips = countStatuses(sweep, sweep.statuses.keys()).map(([status, n]) => {
-    const chip = el('button', {
-      type: 'button',
+    const chip = button({
       class: `chip ${isOk(status) ? 'ok' : 'failing'}`,
       text: `${prettyStatus(status)} ${count(n)}`,
       title: `Show or hide the runs that are ${prettyStatus(status)}`,
       onclick: () => state.toggleStatus(status),
     });
-    const update = () => chip.setAttribute('aria-pressed', String(!state.hiddenStatuses.has(status)));
-    state.on('rows', update);
-    update();
+    state.follow('rows', () => setPressed(chip, !state.hiddenStatuses.has(status)));
     return chip;
   });
   return el('div', { class: 'chips', role: 'group', 'aria-label': 'Status' }, ...chips);

@@ -1,4 +1,4 @@
-import { el, swatch } from '../dom.js';
+import { button, el, swatch, table } from '../dom.js';
 import { caseColour, colours } from '../theme.js';
 import { ticks } from '../format.js';
 import { count } from './head.js';
@@ -16,7 +16,7 @@ export class ResultHistogram extends Panel {
   constructor(state) {
     const name = el('h2');
     const note = el('span', { class: 'note' });
-    const scale = el('button', { type: 'button', class: 'chip', title: 'How the height tells the number of runs' });
+    const scale = button({ class: 'chip', title: 'How the height tells the number of runs' });
     super('histogram', 240, name, note, el('span', { class: 'push' }), scale);
     this.state = state;
     this.name = name;
@@ -27,8 +27,8 @@ export class ResultHistogram extends Panel {
       this.invalidate();
     });
     scale.textContent = 'height: linear';
-    this.table = el('table', { class: 'summary quantiles' });
-    this.root.append(el('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': 'Quantiles' }, this.table));
+    this.table = el('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': 'Quantiles' });
+    this.root.append(this.table);
     this.update();
   }
 
@@ -80,20 +80,15 @@ export class ResultHistogram extends Panel {
         column.isShare ? el('td', { class: `number${beyond ? ' bad' : ''}`, text: count(beyond) }) : null,
       );
     });
-    this.table.replaceChildren(
-      el('thead', {}, el('tr', {}, ...heads.map((text, i) => el('th', { scope: 'col', class: i ? 'number' : null, text })))),
-      el('tbody', {}, ...body),
-    );
+    const cells = heads.map((text, i) => el('th', { scope: 'col', class: i ? 'number' : null, text }));
+    this.table.replaceChildren(table({ class: 'summary quantiles' }, cells, body));
   }
 
   draw(painter, { width, height }) {
     const column = this.state.result;
     const { view } = this;
     const plot = { left: MARGIN.left, top: MARGIN.top, right: width - MARGIN.right, bottom: height - MARGIN.bottom };
-    if (!view) {
-      painter.text('no values', width / 2, height / 2, { colour: colours.muted, align: 'center' });
-      return;
-    }
+    if (!view) return this.drawNothing(painter, width, height);
     const toX = (value) => plot.left + ((value - view.min) / (view.max - view.min)) * (plot.right - plot.left);
     const counts = this.groups.map(({ c, rows }) => ({ c, counts: countIn(view.bins, column.numbers, rows) }));
     const most = Math.max(1, ...counts.map((one) => Math.max(...one.counts)));
@@ -181,10 +176,7 @@ export class DrawHistogram extends Panel {
   draw(painter, { width, height }) {
     const { column, rows } = this;
     const plot = { left: 6, top: 4, right: width - 6, bottom: height - 20 };
-    if (rows.length === 0) {
-      painter.text('no values', width / 2, height / 2, { colour: colours.muted, align: 'center' });
-      return;
-    }
+    if (rows.length === 0) return this.drawNothing(painter, width, height);
     if (column.isWords) return drawWords(painter, column, rows, plot);
     const numbers = rows.map((row) => column.placeOf(row)).filter(Number.isFinite);
     if (numbers.length === 0) return;

@@ -1,6 +1,7 @@
 import { el } from '../dom.js';
 import { CanvasPainter } from '../painter.js';
 import { schedule } from '../schedule.js';
+import { colours } from '../theme.js';
 
 const observer = new IntersectionObserver(
   (entries) => {
@@ -41,6 +42,10 @@ export class Panel {
   invalidate() {
     this.#stale = true;
     if (this.#visible) schedule(this);
+  }
+
+  drawNothing(painter, width, height) {
+    painter.text('no values', width / 2, height / 2, { colour: colours.muted, align: 'center' });
   }
 
   refresh() {

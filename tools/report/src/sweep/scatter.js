@@ -1,4 +1,4 @@
-import { el, swatch } from '../dom.js';
+import { button, el, swatch } from '../dom.js';
 import { fixed } from '../format.js';
 import { caseColour, colours } from '../theme.js';
 import { count } from './head.js';
@@ -99,10 +99,7 @@ class Scatter extends Panel {
 
   draw(painter, { width, height }) {
     const { state, view } = this;
-    if (!view) {
-      painter.text('no values', width / 2, height / 2, { colour: colours.muted, align: 'center' });
-      return;
-    }
+    if (!view) return this.drawNothing(painter, width, height);
     const plot = { left: MARGIN.left, top: MARGIN.top, right: width - MARGIN.right, bottom: height - MARGIN.bottom };
     const x = this.#abscissae();
     const toX = (value) => plot.left + ((value - x.min) / (x.max - x.min)) * (plot.right - plot.left);
@@ -242,8 +239,7 @@ export class Influence {
     this.scatters = state.sweep.draws.map((draw) => new Scatter(state, draw));
     this.grid = el('div', { class: 'multiples scatters' }, ...this.scatters.map(({ root }) => root));
     this.title = el('h2');
-    this.more = el('button', {
-      type: 'button',
+    this.more = button({
       class: 'more',
       text: `Show all ${this.scatters.length}`,
       onclick: () => {

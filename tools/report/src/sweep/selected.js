@@ -1,4 +1,4 @@
-import { el, swatch } from '../dom.js';
+import { button, el, swatch } from '../dom.js';
 import { isOk, prettyStatus } from './data.js';
 import { copyButton } from './table.js';
 
@@ -31,7 +31,7 @@ export function createSelected(host, state) {
         state.result ? el('span', { text: `${state.result.label} ${state.result.show(row, true)}` }) : null,
         el('span', { class: 'push' }),
         replay ? copyButton(replay) : null,
-        el('button', { type: 'button', class: 'icon-button', text: '×', 'aria-label': 'Close', title: 'Close (Escape)', onclick: () => state.select(row) }),
+        button({ class: 'icon-button', text: '×', 'aria-label': 'Close', title: 'Close (Escape)', onclick: () => state.select(row) }),
       ),
       message ? el('p', { class: 'run-message', text: message }) : '',
       replay ? el('code', { class: 'replay-command', tabindex: 0, text: replay }) : '',

@@ -1,4 +1,4 @@
-import { el, save, swatch } from '../dom.js';
+import { button, el, save, swatch, table } from '../dom.js';
 import { isOk, prettyStatus, severity } from './data.js';
 import { count } from './head.js';
 
@@ -27,10 +27,9 @@ export class RunTable {
       'aria-label': 'Filter the table',
       oninput: () => this.#reset(),
     });
-    const csv = el('button', { type: 'button', text: 'CSV', title: 'Save the table, all its rows, as CSV', onclick: () => this.#saveCsv() });
+    const csv = button({ text: 'CSV', title: 'Save the table, all its rows, as CSV', onclick: () => this.#saveCsv() });
     this.table = el('table', { class: 'summary runs' });
-    this.more = el('button', {
-      type: 'button',
+    this.more = button({
       class: 'more',
       onclick: () => {
         this.#shown += MORE;
@@ -120,8 +119,7 @@ export class RunTable {
           class: isNumber ? 'number' : null,
           'aria-sort': isSorted ? (this.#sort.isDown ? 'descending' : 'ascending') : null,
         },
-        el('button', {
-          type: 'button',
+        button({
           class: 'sort',
           text: `${title}${isSorted ? (this.#sort.isDown ? ' ▾' : ' ▴') : ''}`,
           title: `${key}: sort`,
@@ -130,7 +128,7 @@ export class RunTable {
       );
     });
     const body = rows.slice(0, this.#shown).map((row) => this.#row(row, columns));
-    this.table.replaceChildren(el('thead', {}, el('tr', {}, ...heads)), el('tbody', {}, ...body));
+    this.table.replaceChildren(...table({}, heads, body).children);
     this.table.dataset.rows = String(rows.length);
     const left = rows.length - body.length;
     this.more.hidden = left <= 0;
@@ -144,7 +142,7 @@ export class RunTable {
       { 'data-row': row, onclick: () => this.state.select(row) },
       ...columns.map(({ key, text, isNumber, isBad, isCommand, mark, full }) => {
         if (key === 'run')
-          return el('th', { scope: 'row', class: 'number' }, el('button', { type: 'button', class: 'joint-name', text: text(row), title: 'Show this run' }));
+          return el('th', { scope: 'row', class: 'number' }, button({ class: 'joint-name', text: text(row), title: 'Show this run' }));
         if (isCommand) return el('td', {}, copyButton(full(row)));
         const classes = [isNumber ? 'number' : '', isBad?.(row) ? 'bad' : ''].filter(Boolean).join(' ');
         return el('td', { class: classes || null, title: isNumber ? null : full(row) }, mark ? mark(row) : null, text(row));
@@ -174,8 +172,7 @@ export class RunTable {
 
 /** Copies a text; without a clipboard the button selects nothing and says so. */
 export function copyButton(text) {
-  const button = el('button', {
-    type: 'button',
+  const copy = button({
     class: 'quiet copy',
     text: 'copy replay',
     title: text || 'no command',
@@ -184,14 +181,14 @@ export function copyButton(text) {
       event.stopPropagation();
       try {
         await navigator.clipboard.writeText(text);
-        button.textContent = 'copied';
+        copy.textContent = 'copied';
       } catch {
-        button.textContent = 'no clipboard';
+        copy.textContent = 'no clipboard';
       }
       setTimeout(() => {
-        button.textContent = 'copy replay';
+        copy.textContent = 'copy replay';
       }, 1500);
     },
   });
-  return button;
+  return copy;
 }
