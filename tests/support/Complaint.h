@@ -1,7 +1,6 @@
 #pragma once
 
-#include <gtest/gtest.h>
-
+#include "ExpectContains.h"
 #include "viable/core/Error.h"
 
 namespace viable::test {

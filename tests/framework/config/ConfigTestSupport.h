@@ -4,7 +4,6 @@
 #include <functional>
 
 #include "Complaint.h"
-#include "ExpectContains.h"
 #include "TemporaryFolder.h"
 #include "viable/config/ConfigNode.h"
 

@@ -1,4 +1,3 @@
-#include "ExpectContains.h"
 
 #include "Complaint.h"
 #include "TemporaryFolder.h"

@@ -1,3 +1,4 @@
+#include "Complaint.h"
 #include "core/ErrorList.h"
 
 #include <gtest/gtest.h>
@@ -34,12 +35,7 @@ TEST(ErrorList, WhatElseIsThrownIsToldWhereNothingIsWrong) {
     ErrorList errors;
     EXPECT_FALSE(errors.collect([] { throw Error(ErrorKind::PluginFailed, "plugin", "threw"); }));
     EXPECT_FALSE(errors.collect([] { throw std::runtime_error("second"); }));
-    try {
-        errors.throwIfAny("file");
-        FAIL();
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::PluginFailed);
-    }
+    test::catchError([&] { errors.throwIfAny("file"); }, ErrorKind::PluginFailed);
     errors.add("file:1:2", "a is wrong");
     EXPECT_EQ(textOf(errors), "file:1:2: a is wrong");
 }
@@ -48,8 +44,7 @@ TEST(ErrorList, MoreThanCanBeReadAreCounted) {
     ErrorList errors;
     for (int i = 0; i < 250; ++i) errors.add("file", std::to_string(i));
     EXPECT_TRUE(errors.isFull());
-    EXPECT_NE(textOf(errors).find("at least 250 things"), std::string::npos);
-    EXPECT_NE(textOf(errors).find("... and 150 more"), std::string::npos);
+    test::expectContains(textOf(errors), {"at least 250 things", "... and 150 more"});
 }
 
 }  // namespace

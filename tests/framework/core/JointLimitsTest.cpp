@@ -1,7 +1,6 @@
 #include "viable/core/JointLimits.h"
 
 #include "Complaint.h"
-#include "ExpectContains.h"
 
 namespace viable::test {
 namespace {

@@ -3,7 +3,6 @@
 #include <thread>
 
 #include "Complaint.h"
-#include "ExpectContains.h"
 #include "viable/environment/Environment.h"
 
 namespace viable::test {
@@ -154,14 +153,7 @@ TEST(PeopleFeed, WhatCannotBeUsedIsRefusedAndCounted) {
 }
 
 TEST(PeopleFeed, NumbersThatCannotBeAreRefused) {
-    const auto complainOf = [](Person person) {
-        try {
-            PeopleFeed feed({std::move(person)});
-        } catch (const Error& e) {
-            return std::string(e.what());
-        }
-        return std::string();
-    };
+    const auto complainOf = [](Person person) { return findComplaint([&] { PeopleFeed feed({std::move(person)}); }); };
     Person person = makePerson("ann");
     EXPECT_EQ(complainOf(person), "");
     person.maxSpeed = 0.0;

@@ -1,6 +1,5 @@
 
 #include "Complaint.h"
-#include "ExpectContains.h"
 #include "limits/LimitRows.h"
 #include "log/LimitKinds.h"
 #include "log/LogFields.h"
@@ -88,8 +87,7 @@ TEST(LimitRows, AKindIsCountedByTheFirstRowThatCanCountIt) {
     EXPECT_EQ(detail::findLimitLibraries(named), (std::set<std::string>{"/one.so", "/two.so"}));
     row.make = [](const LimitScene&) -> std::unique_ptr<ArmLimit> { return nullptr; };
     expectContains(catchError([&] { addLimit("read_from_a_log", "m", row); }), {"it is counted by /one.so already"});
-    EXPECT_NE(catchError([] { addLimit("read_from_a_log", "cm", {}); }).find("the unit 'm' here already, not 'cm'"),
-              std::string::npos);
+    expectContains(catchError([] { addLimit("read_from_a_log", "cm", {}); }), {"the unit 'm' here already, not 'cm'"});
     EXPECT_EQ(addLimit("speed", "m/s", {}), LimitKind::Speed);
     EXPECT_EQ(getLimitRow(LimitKind::Speed).kept, "speed limits kept");
 }
@@ -143,8 +141,8 @@ TEST(LimitRows, NamesThatCannotBeAreRefused) {
     expectContains(catchError([] { addLimit("jerk", "rad/s^3", {}); }), {"that is a limit of the joints"});
     for (const LogChannel* channel : listLogChannels())
         if (!isLimit(channel->name)) {
-            EXPECT_NE(catchError([&] { addLimit(channel->name, "", {}); }).find("is the name of a channel of the log"),
-                      std::string::npos);
+            expectContains(catchError([&] { addLimit(channel->name, "", {}); }),
+                           {"is the name of a channel of the log"});
         }
     expectContains(catchError([] { addLimit("collisions", "", {}); }), {"is the name of another limit's block"});
 }

@@ -141,9 +141,7 @@ TEST(Monitor, AFilterWithoutGuaranteeIsOnlyReported) {
     EXPECT_GT(result.summary.unviableTicks(), 10);
     EXPECT_TRUE(result.summary.anyLimitBroken());
     const std::string details = formatDetails(result);
-    EXPECT_NE(details.find("unviable ticks " + std::to_string(result.summary.unviableTicks()) + " (first at "),
-              std::string::npos)
-        << details;
+    expectContains(details, {"unviable ticks " + std::to_string(result.summary.unviableTicks()) + " (first at "});
 }
 
 TEST(Monitor, StopsOnRequestKeepPositionLimitsWhereTheMonitorFoundTheStopSafe) {
@@ -288,8 +286,7 @@ TEST(ChangingLimits, AFilterThatGuaranteesMustComeBackToThem) {
     ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 5000, [](const TickRecord& r) { (void)r; }));
     EXPECT_EQ(t.loop.stopReason(), StopReason::GuaranteeBroken);
     const std::string message = t.loop.stopMessage();
-    EXPECT_NE(message.find("rad beyond its"), std::string::npos) << message;
-    EXPECT_NE(message.find("position limit and comes no nearer"), std::string::npos) << message;
+    expectContains(message, {"rad beyond its", "position limit and comes no nearer"});
     EXPECT_GT(t.loop.stopTime(), 1.7);  // braking counts as coming back, then a second of patience
     EXPECT_LT(t.loop.stopTime(), 2.5);
 }

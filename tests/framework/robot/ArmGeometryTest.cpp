@@ -24,16 +24,9 @@ protected:
     }
     void expectFault(const std::string& text, const std::vector<std::string>& parts) const {
         put(text);
-        try {
-            loadArmGeometry(robot_);
-            ADD_FAILURE() << text << "was accepted";
-        } catch (const Error& error) {
-            EXPECT_EQ(error.kind(), ErrorKind::BadInput);
-            const std::string what = error.what();
-            EXPECT_NE(what.find("collision.yaml:"), std::string::npos) << what;
-            for (const std::string& part : parts)
-                EXPECT_NE(what.find(part), std::string::npos) << part << "\nis not in: " << what;
-        }
+        const std::string told = test::catchError([&] { loadArmGeometry(robot_); });
+        test::expectContains(told, {"collision.yaml:"});
+        test::expectContains(told, parts);
     }
     /** A file with `links` and `may_touch`. */
     static std::string with(const std::string& links, const std::string& mayTouch = "[]") {
@@ -75,15 +68,9 @@ TEST_F(ArmGeometryTest, PairsAreThoseThatAJointMovesAndThatMayNotTouch) {
 }
 
 TEST_F(ArmGeometryTest, AMissingFileIsToldWithHowToGetOne) {
-    try {
-        loadArmGeometry(robot_);
-        ADD_FAILURE() << "nothing was missed";
-    } catch (const Error& error) {
-        const std::string what = error.what();
-        for (const char* part :
-             {"the robot has no collision.yaml", "viable new robot NAME --urdf ", "arm.urdf", "robots/README.md"})
-            EXPECT_NE(what.find(part), std::string::npos) << what;
-    }
+    test::expectContains(
+        test::catchError([&] { loadArmGeometry(robot_); }),
+        {"the robot has no collision.yaml", "viable new robot NAME --urdf ", "arm.urdf", "robots/README.md"});
 }
 
 TEST_F(ArmGeometryTest, WhatIsWrongIsRefusedByPlace) {

@@ -9,7 +9,7 @@
 #include <functional>
 #include <thread>
 
-#include "ExpectContains.h"
+#include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "plugin/FaultExplanation.h"
 #include "plugin/StopSignal.h"
@@ -196,15 +196,9 @@ std::string refusal(const RobotMind& mind, const std::string& more = "",
     TestRobot robot("udp", mind);
     if (prepare) prepare(robot);
     LinkPlant plant;
-    try {
-        bench.configure(plant, say(robot, more));
-    } catch (const Error& e) {
-        EXPECT_EQ(e.kind(), ErrorKind::BadInput);
-        EXPECT_NE(std::string(e.what()).find("test.yaml:1"), std::string::npos) << e.what();
-        return e.what();
-    }
-    ADD_FAILURE() << "it was not refused";
-    return {};
+    const std::string told = test::catchError([&] { bench.configure(plant, say(robot, more)); });
+    test::expectContains(told, {"test.yaml:1"});
+    return told;
 }
 
 class LinkOver : public ::testing::TestWithParam<const char*> {};
@@ -433,34 +427,23 @@ TEST(LinkPlant, ARobotThatSendsNoNumbersIsNotOneThatIsSilent) {
     TestRobot robot("udp");
     robot.saysNan = true;
     LinkPlant plant;
-    try {
-        bench.configure(plant, say(robot, "connect_timeout_s: 0.3"));
-        FAIL() << "it is taken";
-    } catch (const Error& e) {
-        expectSays(e.what(), "sends states with numbers that are not finite, or that no arm has. See what its driver");
-    }
+    expectSays(test::catchError([&] { bench.configure(plant, say(robot, "connect_timeout_s: 0.3")); }),
+               "sends states with numbers that are not finite, or that no arm has. See what its driver");
 }
 
 TEST(LinkPlant, WhatCannotBeCalledIsRefused) {
     const PluginBench bench;
     for (const char* bad : {"localhost:47100", "127.0.0.1", "robot"}) {
         LinkPlant plant;
-        try {
-            bench.configure(plant, std::string("address: \"") + bad + "\"");
-            ADD_FAILURE() << bad;
-        } catch (const Error& e) {
-            expectSays(e.what(), std::string("'") + bad + "' is no address of a robot. Write numbers");
-        }
+        expectSays(test::catchError([&] { bench.configure(plant, std::string("address: \"") + bad + "\""); }),
+                   std::string("'") + bad + "' is no address of a robot. Write numbers");
     }
     for (const char* absent : {"shm:viable-nobody-has-this", "127.0.0.1:9"}) {
         LinkPlant plant;
-        try {
-            bench.configure(plant, std::string("connect_timeout_s: 0.1, address: \"") + absent + "\"");
-            ADD_FAILURE() << absent;
-        } catch (const Error& e) {
-            expectSays(e.what(), std::string("the robot at ") + absent);
-            expectSays(e.what(), "See that `viable robot` or the robot's driver runs");
-        }
+        const std::string told = test::catchError(
+            [&] { bench.configure(plant, std::string("connect_timeout_s: 0.1, address: \"") + absent + "\""); });
+        expectSays(told, std::string("the robot at ") + absent);
+        expectSays(told, "See that `viable robot` or the robot's driver runs");
     }
 }
 
@@ -646,12 +629,10 @@ TEST(LinkPlant, TheCallEndsSoonWhenTheUserAsksForIt) {
             detail::stopSignal = SIGINT;
         });
         const std::int64_t begin = vl_now_ns();
-        try {
-            bench.configure(plant, std::string("connect_timeout_s: 20, address: \"") + absent + "\"");
-            ADD_FAILURE() << absent;
-        } catch (const Error& e) {
-            expectSays(e.what(), "was still being called when the user asked for the end");
-        }
+        expectSays(test::catchError([&] {
+                       bench.configure(plant, std::string("connect_timeout_s: 20, address: \"") + absent + "\"");
+                   }),
+                   "was still being called when the user asked for the end");
         user.join();
         detail::stopSignal = 0;
         EXPECT_LT(vl_now_ns() - begin, 300'000'000);

@@ -403,13 +403,9 @@ TEST_F(StreamTest, OneNameIsForOneListener) {
     begin();
     Stream other;
     bench_.configure(other, "name: " + name_);
-    try {
-        other.reset(bench_.start);
-        FAIL();
-    } catch (const Error& e) {
-        EXPECT_PRED_FORMAT2(says, e.what(), "another case of this run listens under this name");
-        EXPECT_PRED_FORMAT2(says, e.what(), "give each a `name` of its own");
-    }
+    const std::string told = test::catchError([&] { other.reset(bench_.start); });
+    EXPECT_PRED_FORMAT2(says, told, "another case of this run listens under this name");
+    EXPECT_PRED_FORMAT2(says, told, "give each a `name` of its own");
 }
 
 TEST_F(StreamTest, AfterItsEndTheNextOneGoesOnWithTheSameToken) {
@@ -459,12 +455,7 @@ TEST(Stream, AFolderThatOthersCanEnterIsRefused) {
     const CommandBench bench;
     Stream stream;
     bench.configure(stream, "name: " + makeName());
-    try {
-        stream.reset(bench.start);
-        ADD_FAILURE();
-    } catch (const Error& e) {
-        EXPECT_PRED_FORMAT2(says, e.what(), "no folder of this user alone");
-    }
+    EXPECT_PRED_FORMAT2(says, test::catchError([&] { stream.reset(bench.start); }), "no folder of this user alone");
     before ? setenv("XDG_RUNTIME_DIR", kept.c_str(), 1) : unsetenv("XDG_RUNTIME_DIR");
     std::filesystem::remove_all(folder);
 }

@@ -360,10 +360,8 @@ TEST(Identification, RefusesWhatItCannotUse) {
               "joints.");
     const std::string name = good.joints[0].name;
     const std::string unknown = refuseRecord([&](MotionRecord& r) { r.joints[0].name = name + "x"; });
-    EXPECT_NE(
-        unknown.find("made-up seed 1: the robot `planar_two_link` has no joint `" + name + "x`. Did you mean `" + name),
-        std::string::npos)
-        << unknown;
+    test::expectContains(
+        unknown, {"made-up seed 1: the robot `planar_two_link` has no joint `" + name + "x`. Did you mean `" + name});
     const std::string missing = refuseRecord([](MotionRecord& r) { r.joints.pop_back(); });
     EXPECT_NE(missing.find("the record has no joint `" + good.joints[1].name + "`"), std::string::npos) << missing;
     const std::string brief = refuseRecord([](MotionRecord& r) {

@@ -449,9 +449,8 @@ TEST_F(TickLogMotionRecordTest, TheExportAsCsvHoldsTheSame) {
     const LogOpening nominal = makeRunOpening(false);
     writeBytes(path("nominal.mcap"), makeLog(nominal, makeRun(nominal)).bytes);
     exportCsv(path("nominal.mcap"), path("nominal.csv"));
-    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { readMotionRecord(path("nominal.csv")); })
-                  .find("nominal.csv:1: the exported log has no real arm. Take the nominal arm: --signal nominal"),
-              std::string::npos);
+    expectContains(catchError(ErrorKind::BadInput, [&] { readMotionRecord(path("nominal.csv")); }),
+                   {"nominal.csv:1: the exported log has no real arm. Take the nominal arm: --signal nominal"});
 }
 
 // ---- Joint states of others

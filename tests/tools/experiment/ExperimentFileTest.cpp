@@ -177,8 +177,7 @@ TEST(ExperimentFile, WhatIsToldFollowsFromNothingElseThatIsWrong) {
     const std::string tick = errorOf(kOneJoint, {"tik_s=0.0002", "stream={rate_hz: 4000}", "duration_s=0.0005",
                                                  "missed_ticks=[{at_s: 3, count: 1}]"});
     EXPECT_EQ(count(tick), 1u) << tick;
-    EXPECT_NE(errorOf(yaml, {"cases.A.duration_s=1"}).find("cases.C: the key `duration_s` is missing"),
-              std::string::npos);
+    expectContains(errorOf(yaml, {"cases.A.duration_s=1"}), {"cases.C: the key `duration_s` is missing"});
 }
 
 TEST(ExperimentFile, BlocksThatDoNotFitTogetherAreRefused) {

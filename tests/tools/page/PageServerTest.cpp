@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "Complaint.h"
 #include "TemporaryFolder.h"
 #include "TlsClient.h"
 #include "core/WholeFile.h"
@@ -180,9 +181,8 @@ protected:
 TEST_F(PageServerTest, GivesThePageAndNothingElse) {
     const std::string answer = ask(get("/", "Host: " + host() + "\r\n"));
     EXPECT_EQ(statusOf(answer), 200);
-    EXPECT_NE(answer.find("\r\n\r\n<!doctype html><title>page</title>"), std::string::npos);
-    EXPECT_NE(answer.find("Content-Security-Policy: frame-ancestors 'none'\r\n"), std::string::npos);
-    EXPECT_NE(answer.find("X-Content-Type-Options: nosniff"), std::string::npos);
+    expectContains(answer, {"\r\n\r\n<!doctype html><title>page</title>",
+                            "Content-Security-Policy: frame-ancestors 'none'\r\n", "X-Content-Type-Options: nosniff"});
     const std::string good = "Host: " + host() + "\r\n";
     for (const char* target : {"/index.html", "/../etc/passwd", "/live/", "/?a", "//", "*"})
         EXPECT_EQ(statusFor(get(target, good)), 404) << target;
@@ -205,9 +205,8 @@ TEST_F(PageServerTest, ThePolicyOfThePageStandsInItsHeaderAndNamesItsSockets) {
     const std::string answer = client.read();
     const std::string policy =
         "default-src 'none'; connect-src 'self' wss://127.0.0.1:" + port + " wss://localhost:" + port;
-    EXPECT_NE(answer.find("\r\nContent-Security-Policy: " + policy + "; frame-ancestors 'none'\r\n"), std::string::npos)
-        << answer;
-    EXPECT_NE(answer.find("content=\"" + policy + "\"><title>page"), std::string::npos) << answer;
+    expectContains(answer, {"\r\nContent-Security-Policy: " + policy + "; frame-ancestors 'none'\r\n",
+                            "content=\"" + policy + "\"><title>page"});
 }
 
 TEST_F(PageServerTest, Fault65_OnlyTheOwnOriginGetsASocket) {
@@ -975,12 +974,7 @@ TEST_F(PageServerTest, WhatIsToldIsKnownToWhoComesLater) {
 TEST_F(PageServerTest, APortInUseIsToldWithARemedy) {
     PageOptions options = makeOptions();
     options.port = server_.port();
-    try {
-        PageServer second(options, nullptr, [](PageWish) {});
-        FAIL();
-    } catch (const Error& e) {
-        EXPECT_NE(std::string(e.what()).find("Name another port"), std::string::npos) << e.what();
-    }
+    expectContains(catchError([&] { PageServer second(options, nullptr, [](PageWish) {}); }), {"Name another port"});
 }
 
 TEST(PageAddress, IsReadInAllItsForms) {

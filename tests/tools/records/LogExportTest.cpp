@@ -85,12 +85,10 @@ TEST_F(LogExportTest, ToolRunHasToolCommandAndNoRealArm) {
     writeBytes(path("run.mcap"), makeLog(makeOpening(layout), {}).bytes);
     exportCsv(path("run.mcap"), path("run.csv"));
     const std::string header = readBytes(path("run.csv"));
-    EXPECT_NE(header.find(",command.tool.x_m,command.tool.y_m,command.tool.z_m,command.tool.qx,"
-                          "command.tool.qy,command.tool.qz,command.tool.qw,command.tool.vx_mps,"
-                          "command.tool.vy_mps,command.tool.vz_mps,command.tool.wx_radps,"
-                          "command.tool.wy_radps,command.tool.wz_radps,tick.status"),
-              std::string::npos)
-        << header;
+    expectContains(header, {",command.tool.x_m,command.tool.y_m,command.tool.z_m,command.tool.qx,"
+                            "command.tool.qy,command.tool.qz,command.tool.qw,command.tool.vx_mps,"
+                            "command.tool.vy_mps,command.tool.vz_mps,command.tool.wx_radps,"
+                            "command.tool.wy_radps,command.tool.wz_radps,tick.status"});
     for (const char* absent : {"command.joint0", "real.", "actual.", "robust.", "motor."}) {
         EXPECT_EQ(header.find(absent), std::string::npos) << absent;
     }
@@ -201,14 +199,13 @@ TEST_F(LogExportTest, ATakeIsItsRowsAndNoOthersFromAllFilesOfTheLog) {
     const std::string none =
         catchError(ErrorKind::BadInput, [&] { exportCsv(path("run.mcap"), path("no.csv"), false, 2); });
     EXPECT_NE(none.find("the log has no take 2. It has 1, 3."), std::string::npos) << none;
-    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportMcap(path("run.party.mcap"), path("no.mcap"), false, 4); })
-                  .find("It has 1."),
-              std::string::npos);
+    expectContains(
+        catchError(ErrorKind::BadInput, [&] { exportMcap(path("run.party.mcap"), path("no.mcap"), false, 4); }),
+        {"It has 1."});
     for (TickRecord& record : records) record.take = 0;
     write("none.mcap", 0, 4000);
-    EXPECT_NE(catchError(ErrorKind::BadInput, [&] { exportMcap(path("none.mcap"), path("no.mcap"), false, 1); })
-                  .find("It has none"),
-              std::string::npos);
+    expectContains(catchError(ErrorKind::BadInput, [&] { exportMcap(path("none.mcap"), path("no.mcap"), false, 1); }),
+                   {"It has none"});
     for (const std::string& name : listFolder()) EXPECT_NE(name.rfind("no.", 0), 0u) << name;
 }
 
@@ -279,13 +276,11 @@ TEST_F(LogExportTest, NothingIsOverwrittenAndNothingIsLeft) {
     std::string damaged = log.bytes;
     damaged[log.writes[30] + 200] = static_cast<char>(damaged[log.writes[30] + 200] ^ 4);
     writeBytes(path("bad.mcap"), damaged);
-    EXPECT_NE(
-        catchError(ErrorKind::BadInput, [&] { exportCsv(path("bad.mcap"), path("bad.csv")); }).find("bad.mcap: byte "),
-        std::string::npos);
+    expectContains(catchError(ErrorKind::BadInput, [&] { exportCsv(path("bad.mcap"), path("bad.csv")); }),
+                   {"bad.mcap: byte "});
 
-    EXPECT_NE(catchError(ErrorKind::LogNotWritten, [&] { exportCsv(path("run.mcap"), path("absent/run.csv")); })
-                  .find("absent/run.csv: the file cannot be written: No such file"),
-              std::string::npos);
+    expectContains(catchError(ErrorKind::LogNotWritten, [&] { exportCsv(path("run.mcap"), path("absent/run.csv")); }),
+                   {"absent/run.csv: the file cannot be written: No such file"});
 
     // A disk that fills up.
     rlimit before;

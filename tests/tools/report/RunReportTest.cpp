@@ -426,15 +426,12 @@ TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
     folder.write("A.mcap", "this is no log");
     EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("A.mcap"), std::string::npos);
     folder.write("summary.json", "[1, 2");
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("this is not a summary of a run"),
-              std::string::npos);
-    EXPECT_NE(
-        catchError([&] { writeReport(folder.path(), folder / "absent.html"); }).find("the page of reports is missing"),
-        std::string::npos);
+    expectContains(catchError([&] { writeReport(folder.path(), page); }), {"this is not a summary of a run"});
+    expectContains(catchError([&] { writeReport(folder.path(), folder / "absent.html"); }),
+                   {"the page of reports is missing"});
     const RunFolder run(kOneJoint);
     const auto empty = folder.write("empty.html", "<html></html>");
-    EXPECT_NE(catchError([&] { writeReport(run.path(), empty); }).find("has no placeholder for the data"),
-              std::string::npos);
+    expectContains(catchError([&] { writeReport(run.path(), empty); }), {"has no placeholder for the data"});
     EXPECT_FALSE(std::filesystem::exists(run.path() / "report.html"));
 }
 
