@@ -71,25 +71,6 @@ class Series {
   }
 }
 
-const SERIES = [
-  'nominal_q',
-  'nominal_qd',
-  'nominal_qdd',
-  'nominal_jerk',
-  'real_q',
-  'real_qd',
-  'real_qdd',
-  'real_jerk',
-  'error',
-  'tau_desired',
-  'tau_filter',
-  'tau_robust',
-  'tau_motor',
-  'tau_external',
-  'error_true',
-  'error_velocity',
-  'margin',
-];
 const CENTRE = [0, -0.262, -1.571, 0, -1.309, 0];
 const HALF_RANGE = [0.524, 0.262, 0.524, 0.262, 0.524, 1.047];
 const VELOCITY = (2 * Math.PI) / 3;
@@ -103,12 +84,10 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
   const centre = CENTRE[j % 6];
   const half = HALF_RANGE[j % 6];
   const inertia = INERTIA[j % 6];
-  const series = Object.fromEntries(SERIES.map((name) => [name, new Series(buckets, perBucket)]));
+  const series = {};
   const active = new Uint8Array(buckets);
   const modified = new Uint8Array(buckets);
-  const nominal = new Float32Array(frames);
-  const real = new Float32Array(frames);
-  const rest = new Float32Array(frames);
+  const poses = { nominal: new Float32Array(frames), real: new Float32Array(frames), rest: new Float32Array(frames) };
   const allowed = { velocity: VELOCITY, acceleration: ACCELERATION, jerk: JERK };
   let q = centre;
   let v = 0;
@@ -177,17 +156,16 @@ function simulateJoint(j, rows, perBucket, buckets, frames, stride, style) {
       tau_motor: filterTorque + robustTorque,
       margin: Math.max(0, half - Math.abs(q - centre) - Math.abs(v) * stop * 0.3),
     };
-    for (const name of SERIES) series[name].put(row, values[name]);
+    for (const name in values) (series[name] ??= new Series(buckets, perBucket)).put(row, values[name]);
     const bucket = Math.floor(row / perBucket);
     if (acting) active[bucket] |= 1 << (acting - 1);
     if (acting) modified[bucket] = 1;
     if (row % stride === 0 && row / stride < frames) {
-      nominal[row / stride] = q;
-      real[row / stride] = realQ;
-      rest[row / stride] = q + 0.5 * v * stop;
+      const pose = { nominal: q, real: realQ, rest: q + 0.5 * v * stop };
+      for (const name in pose) poses[name][row / stride] = pose[name];
     }
   }
-  return { series, active, modified, nominal, real, rest };
+  return { series, active, modified, poses };
 }
 
 /** What a case is unless it says otherwise. */
@@ -240,31 +218,13 @@ const STYLES = [
 
 /** xyz, rpy of the joints of an Indy7. */
 const FRAMES = [
-  [
-    [0, 0, 0.078],
-    [0, 0, 0],
-  ],
-  [
-    [0, -0.109, 0.222],
-    [Math.PI / 2, Math.PI / 2, 0],
-  ],
-  [
-    [-0.45, 0, -0.0305],
-    [0, 0, 0],
-  ],
-  [
-    [-0.267, 0, -0.075],
-    [-Math.PI / 2, 0, Math.PI / 2],
-  ],
-  [
-    [0, -0.114, 0.083],
-    [Math.PI / 2, Math.PI / 2, 0],
-  ],
-  [
-    [-0.168, 0, 0.069],
-    [-Math.PI / 2, 0, Math.PI / 2],
-  ],
-];
+  [0, 0, 0.078, 0, 0, 0],
+  [0, -0.109, 0.222, Math.PI / 2, Math.PI / 2, 0],
+  [-0.45, 0, -0.0305, 0, 0, 0],
+  [-0.267, 0, -0.075, -Math.PI / 2, 0, Math.PI / 2],
+  [0, -0.114, 0.083, Math.PI / 2, Math.PI / 2, 0],
+  [-0.168, 0, 0.069, -Math.PI / 2, 0, Math.PI / 2],
+].map((numbers) => [numbers.slice(0, 3), numbers.slice(3)]);
 const LINKS = Array.from({ length: JOINTS }, (_, j) => `link${j + 1}`);
 
 const SOLIDS = [
@@ -376,15 +336,14 @@ function rotated(turn, vector) {
 
 function makeCase(index) {
   const style = { ...STYLES[index % STYLES.length], phase: index };
+  const { filter, guarantees, verdict, ok } = style;
   const rows = Math.round(ROWS * (style.stopAt ?? 1));
   const perBucket = Math.max(1, Math.ceil(ROWS / MOST_BUCKETS));
   const buckets = Math.ceil(rows / perBucket);
   const stride = Math.max(1, Math.ceil(ROWS / MOST_FRAMES));
   const frames = Math.ceil(rows / stride);
   const status = new Uint8Array(buckets);
-  const nominal = new Float32Array(frames * JOINTS);
-  const real = new Float32Array(frames * JOINTS);
-  const rest = new Float32Array(frames * JOINTS);
+  const [nominal, real, rest] = [0, 1, 2].map(() => new Float32Array(frames * JOINTS));
   const joints = [];
   const judged = { motions: [], limits: [], buckets, step: perBucket * TICK, rows, breaks: style.verified === 'broken' };
   for (let j = 0; j < JOINTS; ++j) {
@@ -392,12 +351,9 @@ function makeCase(index) {
     motion.modified.forEach((value, i) => {
       status[i] = Math.max(status[i], value);
     });
-    for (let i = 0; i < frames; ++i) {
-      nominal[i * JOINTS + j] = motion.nominal[i];
-      real[i * JOINTS + j] = motion.real[i];
-      rest[i * JOINTS + j] = motion.rest[i];
-    }
-    const series = Object.fromEntries(SERIES.map((name) => [name, binary.add(motion.series[name].values)]));
+    for (const [name, all] of Object.entries({ nominal, real, rest }))
+      motion.poses[name].forEach((value, i) => (all[i * JOINTS + j] = value));
+    const series = Object.fromEntries(Object.entries(motion.series).map(([name, { values }]) => [name, binary.add(values)]));
     if (!style.robust) series.tau_robust = null;
     if (!style.bound) for (const name of ['tau_external', 'error_true', 'error_velocity']) delete series[name];
     const centre = CENTRE[j % 6];
@@ -463,18 +419,15 @@ function makeCase(index) {
     ...(nearest && { clearance: { environment: 0, links: LINKS, obstacles: OBSTACLES, distance: binary.add(distance.values) } }),
     ...(style.verified && { verification: makeVerification(judged) }),
     name: style.name + (index >= STYLES.length ? `_${index}` : ''),
-    filter: style.filter,
+    ...{ filter, guarantees, verdict, ok },
     robust_loop: style.robust ? 'nric' : 'none',
     plant: 'simbody',
-    guarantees: style.guarantees,
-    verdict: style.verdict,
-    ok: style.ok,
     stop: style.stopAt
       ? { time_s: rows * TICK, message: 'jerk 61.2 rad/s^3 of joint2 is over its limit 37.7 rad/s^3' }
       : null,
     details:
-      `${style.name}: filter ${style.filter}, robust loop ${style.robust ? 'nric' : 'none'}, real plant simbody; ${(rows * TICK).toFixed(3)} s simulated\n` +
-      `  verdict       ${style.verdict}\n  position      worst use    100.00 % (joint3 at 19.832 s), outside in 0 joint-ticks, worst excess 0 rad\n` +
+      `${style.name}: filter ${filter}, robust loop ${style.robust ? 'nric' : 'none'}, real plant simbody; ${(rows * TICK).toFixed(3)} s simulated\n` +
+      `  verdict       ${verdict}\n  position      worst use    100.00 % (joint3 at 19.832 s), outside in 0 joint-ticks, worst excess 0 rad\n` +
       '  velocity      worst use     91.33 % (joint5 at 24.347 s), outside in 0 joint-ticks, worst excess 0 rad/s\n' +
       '  tick          median 50.5 us, p99 202.7 us, max 3890.1 us\n',
     rows,
@@ -577,7 +530,7 @@ function makeVerification({ motions, limits, buckets, step, rows, breaks }) {
 
 /** Frames of an Indy7, with a shape of every kind. */
 function makeScene() {
-  const none = { xyz: [0, 0, 0], quat: [1, 0, 0, 0] };
+  const none = pose([0, 0, 0]);
   const links = [
     {
       name: 'base',
@@ -587,8 +540,8 @@ function makeScene() {
       axis: [0, 0, 1],
       color: [0.35, 0.38, 0.42, 1],
       shapes: [
-        { type: 'cylinder', radius: 0.09, length: 0.08, pose: { xyz: [0, 0, 0.04], quat: [1, 0, 0, 0] } },
-        { type: 'box', size: [0.26, 0.26, 0.02], pose: { xyz: [0, 0, 0.01], quat: [1, 0, 0, 0] } },
+        { type: 'cylinder', radius: 0.09, length: 0.08, pose: pose([0, 0, 0.04]) },
+        { type: 'box', size: [0.26, 0.26, 0.02], pose: pose([0, 0, 0.01]) },
       ],
     },
   ];
@@ -600,7 +553,7 @@ function makeScene() {
       j % 6 === 5
         ? [
             { type: 'sphere', radius: 0.045, pose: none },
-            { type: 'mesh', ...cone(0.05, 0.12), pose: { xyz: [0, 0, 0.03], quat: [1, 0, 0, 0] } },
+            { type: 'mesh', ...cone(0.05, 0.12), pose: pose([0, 0, 0.03]) },
           ]
         : [
             { type: 'capsule', from: [0, 0, 0], to: [0, 0, next[2]], radius },
