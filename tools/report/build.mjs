@@ -17,16 +17,21 @@ if (!target) {
 const modules = join(resolve(process.argv[3] ?? folder), 'node_modules');
 const { build } = createRequire(join(modules, 'any.js'))('esbuild');
 
+/** Where the program puts the data of a report. */
+const DATA = `<script type="application/json" id="viable-data">@@VIABLE_DATA@@</script>
+<script type="text/plain" id="viable-binary">@@VIABLE_BINARY@@</script>
+`;
+
 /** The content of an inline element and the hash that lets the content security policy admit it, and nothing else. */
 function inline(text) {
   return { text, hash: `'sha256-${createHash('sha256').update(text).digest('base64')}'` };
 }
 
 /**
- * Writes a page from SOURCE/index.html, its script and its style; `packages` are those from npm that are in it. A page that is
- * served may speak with its server.
+ * Writes a page from SOURCE/body.html in the frame of all pages, its script and its style; `packages` are those from npm
+ * that are in it. A page that is served may speak with its server.
  */
-async function buildPage(name, source, style, packages, { isServed = false } = {}) {
+async function buildPage(name, title, source, style, packages, { isServed = false } = {}) {
   const bundle = await build({
     absWorkingDir: folder,
     nodePaths: [modules],
@@ -55,14 +60,15 @@ async function buildPage(name, source, style, packages, { isServed = false } = {
     POLICY:
       `default-src 'none'; script-src ${script.hash}; style-src ${css.hash}; base-uri 'none'; form-action 'none'` +
       (isServed ? "; connect-src 'self'" : ''),
-    LICENCES: licences.join('\n\n').replaceAll('--', '- -'),
+    TITLE: title,
+    LICENCES: licences.length > 0 ? `<!-- This page contains:\n\n${licences.join('\n\n').replaceAll('--', '- -')}\n-->\n` : '',
+    BODY: await readFile(join(folder, source, 'body.html'), 'utf8'),
+    DATA: isServed ? '' : DATA,
     STYLE: css.text,
     SCRIPT: script.text,
   };
-  const page = (await readFile(join(folder, source, 'index.html'), 'utf8')).replace(
-    /@@(POLICY|LICENCES|STYLE|SCRIPT)@@/g,
-    (_, part) => parts[part],
-  );
+  const frame = await readFile(join(folder, 'src/frame.html'), 'utf8');
+  const page = frame.replace(/@@([A-Z]+)@@/g, (_, part) => parts[part]);
   for (const placeholder of isServed ? [] : ['@@VIABLE_DATA@@', '@@VIABLE_BINARY@@'])
     if (page.split(placeholder).length !== 2) throw new Error(`${placeholder} must stand in ${name} exactly once`);
   await writeFile(join(target, name), page);
@@ -70,6 +76,6 @@ async function buildPage(name, source, style, packages, { isServed = false } = {
 }
 
 await mkdir(target, { recursive: true });
-await buildPage('report_template.html', 'src', 'run.css', ['three', 'uplot']);
-await buildPage('sweep_template.html', 'src/sweep', 'sweep.css', []);
-await buildPage('live.html', 'src/live', 'live.css', ['three'], { isServed: true });
+await buildPage('report_template.html', 'viable report', 'src', 'run.css', ['three', 'uplot']);
+await buildPage('sweep_template.html', 'viable sweep', 'src/sweep', 'sweep.css', []);
+await buildPage('live.html', 'viable live', 'src/live', 'live.css', ['three'], { isServed: true });
