@@ -204,35 +204,36 @@ void sayLibrary(const char* library) {
     endAfterPlugin();
 }
 
+/** Claims the end and says what ended the program; false where no plugin was called. */
+bool claimEndAndSay(const char* ofPlugin, const char* otherwise) {
+    claimEnd();
+    std::int64_t tick = 0;
+    const PluginWatch* watch = findCulprit(tick);
+    if (watch)
+        sayWho(*watch, ofPlugin, tick);
+    else
+        say(otherwise);
+    return watch != nullptr;
+}
+
 void onCrash(int signal) {
     if (!isOwner()) {
         ::signal(signal, SIG_DFL);
         raise(signal);
         return;
     }
-    claimEnd();
-    std::int64_t tick = 0;
-    const PluginWatch* watch = findCulprit(tick);
+    const bool isPlugins = claimEndAndSay(" crashed", sink ? "crashed" : "\nviable: crashed");
     const char* name = sigdescr_np(signal);
-    if (watch)
-        sayWho(*watch, " crashed", tick);
-    else
-        say(sink ? "crashed" : "\nviable: crashed");
     say(": signal ", signal, " (", name ? name : "unknown", ")");
-    if (!watch) endOutsideOfCalls();
+    if (!isPlugins) endOutsideOfCalls();
     endAfterPlugin();
 }
 
 /** std::terminate(): an exception left a thread or a noexcept function. */
 void onTerminate() {
     if (!isOwner()) usualTerminate();
-    claimEnd();
-    std::int64_t tick = 0;
-    const PluginWatch* watch = findCulprit(tick);
-    if (watch)
-        sayWho(*watch, " called std::terminate()", tick);
-    else
-        say(sink ? "std::terminate() was called" : "\nviable: std::terminate() was called");
+    const bool isPlugins = claimEndAndSay(
+        " called std::terminate()", sink ? "std::terminate() was called" : "\nviable: std::terminate() was called");
     if (std::current_exception()) {
         say(": an exception that nobody catches: ");
         try {
@@ -243,7 +244,7 @@ void onTerminate() {
             say("something other than a std::exception");
         }
     }
-    if (!watch) endOutsideOfCalls();
+    if (!isPlugins) endOutsideOfCalls();
     endAfterPlugin();
 }
 
@@ -300,13 +301,7 @@ void tellCrashTo(char* text, std::size_t capacity) {
 
 void endWhenMemoryRunsOut() {
     std::set_new_handler([] {
-        claimEnd();
-        std::int64_t tick = 0;
-        const PluginWatch* watch = findCulprit(tick);
-        if (watch)
-            sayWho(*watch, " asked for memory and there was none left,", tick);
-        else
-            say("memory ran out, outside of the calls of plugins");
+        claimEndAndSay(" asked for memory and there was none left,", "memory ran out, outside of the calls of plugins");
         endAfterPlugin();
     });
 }

@@ -85,8 +85,8 @@ async function takeReplay() {
       document.querySelector('#side').style.setProperty('display', 'block');
       document.querySelector('.stage').style.setProperty('height', `${height}px`);
       const chosen = state.run.cases.find((c) => c.name === name);
-      if (chosen) state.setReplayCase(chosen.index);
-      state.setExaggeration(deviation);
+      if (chosen) state.set('replay', { replayCase: chosen.index });
+      state.set('replay', { exaggeration: deviation });
       state.setTime(time);
     },
     {

@@ -118,7 +118,7 @@ export function fillTransport(host, state) {
   });
   const time = el('output', { class: 'time', for: 'scrubber' });
   const speeds = SPEEDS.map((value) => [value, `${value} ×`]);
-  const speed = choice({ 'aria-label': 'Speed', title: 'Speed' }, speeds, state.speed, (value) => state.setSpeed(Number(value)));
+  const speed = choice({ 'aria-label': 'Speed', title: 'Speed' }, speeds, state.speed, (value) => state.set('speed', { speed: Number(value) }));
   state.follow('time', () => {
     scrubber.value = String(state.time);
     scrubber.style.setProperty('--played', `${(100 * (state.time - run.tMin)) / (run.tMax - run.tMin)}%`);

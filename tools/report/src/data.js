@@ -326,15 +326,9 @@ function readCurves(run, { t0, step_s: step, n, ...quantities }, where) {
     pairs: true,
   });
   const curves = JUDGED.map((quantity) => {
-    const { raw, mean, band } = need(quantities[quantity], `${where}.${quantity}`);
-    return [
-      quantity,
-      {
-        raw: samples(raw, `${quantity}.raw`),
-        mean: samples(mean, `${quantity}.mean`),
-        band: samples(band, `${quantity}.band`),
-      },
-    ];
+    const read = need(quantities[quantity], `${where}.${quantity}`);
+    const kinds = ['raw', 'mean', 'band'].map((kind) => [kind, samples(read[kind], `${quantity}.${kind}`)]);
+    return [quantity, Object.fromEntries(kinds)];
   });
   return Object.fromEntries(curves);
 }

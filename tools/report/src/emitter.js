@@ -15,6 +15,18 @@ export class Emitter {
     listener();
   }
 
+  /** Takes values, and tells it. */
+  set(event, values) {
+    Object.assign(this, values);
+    this.emit(event);
+  }
+
+  /** Takes something into a set, or out of it, and tells it. */
+  toggle(event, set, one) {
+    if (!set.delete(one)) set.add(one);
+    this.emit(event);
+  }
+
   emit(event) {
     for (const listener of this.#listeners.get(event) ?? []) listener();
   }

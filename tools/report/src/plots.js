@@ -515,7 +515,7 @@ export class PlotArea {
     }
     if (quantity.limit || (quantity.isError && hasBound)) {
       const title = 'What the y axis shows: the limits, with what is near them, or all data and nothing else';
-      const chip = button({ class: 'chip', title, onclick: () => state.toggleFit(quantity.id) });
+      const chip = button({ class: 'chip', title, onclick: () => state.toggle('kinds', state.fitted, quantity.id) });
       this.heads.push(() => {
         chip.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits';
       });

@@ -92,7 +92,7 @@ export function createReplay(host, run, state) {
 function partButton({ id, label, title, legend }, state, replay) {
   const text = el('span', { text: label });
   const key = el('span', { class: `key ${id}`, 'aria-hidden': 'true' });
-  const chip = button({ class: 'chip', title, onclick: () => state.togglePart(id) }, key, text);
+  const chip = button({ class: 'chip', title, onclick: () => state.toggle('replay', state.hiddenParts, id) }, key, text);
   state.follow('replay cases', () => {
     setPressed(chip, !state.hiddenParts.has(id));
     if (legend) text.textContent = label + legend(replay);
@@ -109,7 +109,7 @@ const speedColours = () => [colours.arm, ...colours.speeds];
 function linkColour(state, replay) {
   const scale = el('span', { class: 'speed-scale', hidden: true });
   const meanings = [['limits', 'a limit acts'], ['speed', 'speed']];
-  const select = choice({ 'aria-label': 'Colour of the links' }, meanings, state.linkColour, (value) => state.setLinkColour(value));
+  const select = choice({ 'aria-label': 'Colour of the links' }, meanings, state.linkColour, (value) => state.set('replay', { linkColour: value }));
   const show = () => {
     scale.hidden = state.linkColour !== 'speed';
     if (scale.hidden) return;
@@ -125,7 +125,7 @@ function linkColour(state, replay) {
 function exaggeration(state) {
   const title = 'The real arm is drawn so many times as far from the nominal one as it was';
   const factors = EXAGGERATIONS.map((factor) => [factor, `${factor} ×`]);
-  const choose = (value) => state.setExaggeration(Number(value));
+  const choose = (value) => state.set('replay', { exaggeration: Number(value) });
   const select = choice({ 'aria-label': 'Deviation of the real arm', title }, factors, state.exaggeration, choose);
   return el('label', { class: 'hint' }, 'deviation ', select);
 }
@@ -143,7 +143,7 @@ function whyNot(run) {
 function caseChoice(run, state) {
   const options = run.cases.filter((c) => c.replay).map((c) => [c.index, c.name]);
   if (run.cases.length > 1) options.push([ALL_CASES, 'all shown cases']);
-  const choose = (value) => state.setReplayCase(Number(value));
+  const choose = (value) => state.set('replay', { replayCase: Number(value) });
   const select = choice({ 'aria-label': 'Whose arm the replay shows' }, options, state.replayCase, choose);
   state.on('replay', () => {
     select.value = String(state.replayCase);

@@ -50,15 +50,11 @@ export class State extends Emitter {
   }
 
   setFocus(index) {
-    if (index === this.focus) return;
-    this.focus = index;
-    this.emit('focus');
+    if (index !== this.focus) this.set('focus', { focus: index });
   }
 
   setJoint(joint) {
-    if (joint === this.joint) return;
-    this.joint = joint;
-    this.emit('joint');
+    if (joint !== this.joint) this.set('joint', { joint });
   }
 
   stepJoint(step) {
@@ -68,13 +64,7 @@ export class State extends Emitter {
   }
 
   toggleKind(key) {
-    if (!this.hiddenKinds.delete(key)) this.hiddenKinds.add(key);
-    this.emit('kinds');
-  }
-
-  toggleFit(quantity) {
-    if (!this.fitted.delete(quantity)) this.fitted.add(quantity);
-    this.emit('kinds');
+    this.toggle('kinds', this.hiddenKinds, key);
   }
 
   setView(min, max) {
@@ -82,8 +72,7 @@ export class State extends Emitter {
     const least = 8 * Math.min(...run.cases.map((c) => c.tick));
     const width = Math.min(Math.max(max - min, least), run.tMax - run.tMin);
     const start = Math.min(Math.max((min + max - width) / 2, run.tMin), run.tMax - width);
-    this.view = { min: start, max: start + width };
-    this.emit('view');
+    this.set('view', { view: { min: start, max: start + width } });
   }
 
   resetView() {
@@ -103,45 +92,16 @@ export class State extends Emitter {
   }
 
   setTime(time) {
-    this.time = Math.min(Math.max(time, this.run.tMin), this.run.tMax);
-    this.emit('time');
+    this.set('time', { time: Math.min(Math.max(time, this.run.tMin), this.run.tMax) });
   }
 
   setHover(time) {
-    if (time === this.hover) return;
-    this.hover = time;
-    this.emit('hover');
+    if (time !== this.hover) this.set('hover', { hover: time });
   }
 
   setPlaying(playing) {
     if (playing && this.time >= this.run.tMax) this.setTime(this.run.tMin);
-    this.playing = playing;
-    this.emit('play');
-  }
-
-  setSpeed(speed) {
-    this.speed = speed;
-    this.emit('speed');
-  }
-
-  setExaggeration(factor) {
-    this.exaggeration = factor;
-    this.emit('replay');
-  }
-
-  setLinkColour(meaning) {
-    this.linkColour = meaning;
-    this.emit('replay');
-  }
-
-  togglePart(part) {
-    if (!this.hiddenParts.delete(part)) this.hiddenParts.add(part);
-    this.emit('replay');
-  }
-
-  setReplayCase(index) {
-    this.replayCase = index;
-    this.emit('replay');
+    this.set('play', { playing });
   }
 }
 

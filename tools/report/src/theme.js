@@ -1,3 +1,5 @@
+import { recall, remember } from './storage.js';
+
 // All colours of the page. Those of cases (Okabe and Ito) and of limits (IBM) can be told apart by colour-blind readers;
 // each is also told by its place or its name.
 const LIGHT = {
@@ -75,21 +77,11 @@ export function initTheme(onChange) {
 }
 
 export function toggleTheme() {
-  try {
-    localStorage.setItem(STORE, isDark() ? 'light' : 'dark');
-  } catch {
-    /* a page that may not store is not remembered */
-  }
+  remember('localStorage', STORE, isDark() ? 'light' : 'dark');
   apply(!isDark());
 }
 
-function stored() {
-  try {
-    return localStorage.getItem(STORE);
-  } catch {
-    return null;
-  }
-}
+const stored = () => recall('localStorage', STORE);
 
 function apply(dark) {
   colours = dark ? DARK : LIGHT;

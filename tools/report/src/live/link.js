@@ -1,5 +1,6 @@
 // The connection to the program: what comes and goes over the WebSocket of the page's own address.
 import { Emitter } from '../emitter.js';
+import { recall, remember } from '../storage.js';
 
 const PROTOCOL = 'viable.1';
 const STORE = 'viable-live-session';
@@ -50,7 +51,7 @@ export class Link extends Emitter {
   constructor() {
     super();
     // The token of the address counts once: it must not stay where others see it.
-    this.#secret = location.hash.slice(1) || recall();
+    this.#secret = location.hash.slice(1) || (recall('sessionStorage', STORE) ?? '');
     if (location.hash) history.replaceState(null, '', location.pathname);
     setInterval(() => this.say('alive'), ALIVE_MS);
     this.#look();
@@ -128,7 +129,7 @@ export class Link extends Emitter {
     if (message.hello) {
       this.you = message.you;
       this.#secret = message.session;
-      remember(message.session);
+      remember('sessionStorage', STORE, message.session); // else the page must be invited anew when it is loaded again
       this.#wasOpen = true;
       this.#failures = 0;
       this.#heard = performance.now();
@@ -142,22 +143,9 @@ export class Link extends Emitter {
         at += count;
       }
       if (isFirst) this.emit('live');
-    } else if ('people' in message) {
-      this.people = message;
-      this.emit('people');
-    } else if (message.event) {
-      this.event = message;
-      this.emit('event');
-    } else if (message.placed) {
-      this.placed = message.placed;
-      this.emit('placed');
-    } else if (message.watch) {
-      this.watch = message.watch;
-      this.emit('watch');
-    } else if (message.invitation) {
-      this.invitation = message.invitation;
-      this.emit('invitation');
-    }
+    } else if ('people' in message) this.set('people', { people: message });
+    else if (message.event) this.set('event', { event: message });
+    else for (const key of ['placed', 'watch', 'invitation']) if (message[key]) this.set(key, { [key]: message[key] });
   }
 
   #see(bytes) {
@@ -175,21 +163,5 @@ export class Link extends Emitter {
       this.#tellSilence(0);
     }
     this.emit('frame');
-  }
-}
-
-function recall() {
-  try {
-    return sessionStorage.getItem(STORE) ?? '';
-  } catch {
-    return '';
-  }
-}
-
-function remember(session) {
-  try {
-    sessionStorage.setItem(STORE, session);
-  } catch {
-    /* a page that may not store must be invited anew when it is loaded again */
   }
 }

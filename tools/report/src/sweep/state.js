@@ -36,18 +36,15 @@ export class State extends Emitter {
   }
 
   toggleStatus(status) {
-    if (!this.hiddenStatuses.delete(status)) this.hiddenStatuses.add(status);
-    this.emit('rows');
+    this.toggle('rows', this.hiddenStatuses, status);
   }
 
   setResult(name) {
-    this.result = this.sweep.column(name);
-    this.emit('result');
+    this.set('result', { result: this.sweep.column(name) });
   }
 
   select(row) {
-    this.selected = row === this.selected ? null : row;
-    this.emit('select');
+    this.set('select', { selected: row === this.selected ? null : row });
   }
 }
 
