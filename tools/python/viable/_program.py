@@ -66,6 +66,11 @@ def _cases(cases: str | Sequence[str] | None) -> list[str]:
     return [part for name in names for part in ("--case", name)]
 
 
+def _options(**values: Any) -> list[Any]:
+    """Those that are given."""
+    return [word for name, value in values.items() if value is not None for word in ("--" + name, value)]
+
+
 def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[dict], None] | None = None,
           is_done: Callable[[], bool] | None = None) -> tuple[int, str]:
     """Runs the program. Returns exit code and standard output; raises its Error for a code that is not `allowed`, and one that it
@@ -189,11 +194,7 @@ def run(file: PathLike, *, set: Mapping[str, Any] | None = None, cases: str | Se
     summary that says so; raises viable.Error where nothing could be run.
     Ctrl-C brakes the arms, finishes the logs and then raises KeyboardInterrupt.
     """
-    arguments: list[Any] = ["run", file, *_overrides(set), *_cases(cases)]
-    if draw is not None:
-        arguments += ["--draw", draw]
-    if jobs is not None:
-        arguments += ["--jobs", jobs]
+    arguments: list[Any] = ["run", file, *_overrides(set), *_cases(cases), *_options(draw=draw, jobs=jobs)]
     arguments += ["--no-report"] * (not report) + ["--isolate"] * isolate
     with tempfile.TemporaryDirectory(prefix="viable-") as scratch:
         folder = Path(scratch) / "run" if out is None else Path(out)
@@ -230,11 +231,8 @@ def verify(log: PathLike, *, limits: str | None = None, signal: str = "real", co
 
     Returns its JSON as a dict, with `outcome`: held, broken or cannot_tell.
     """
-    arguments: list[Any] = ["verify", log, "--signal", signal, "--confidence", confidence, "--excess", excess,
-                            "--excess-duration", excess_duration]
-    for name, value in (("--limits", limits), ("--columns", columns), ("--topic", topic)):
-        if value is not None:
-            arguments += [name, value]
+    arguments = ["verify", log, "--excess-duration", excess_duration,
+                 *_options(signal=signal, confidence=confidence, excess=excess, limits=limits, columns=columns, topic=topic)]
     code, verdict = _with_json(arguments, (0, 3, 7))
     verdict["outcome"] = {0: "held", 3: "broken", 7: "cannot_tell"}[code]
     return verdict
@@ -252,10 +250,7 @@ def identify(logs: PathLike | Sequence[PathLike], *, robot: str | None = None, p
     Returns all figures with their 95 % intervals.
     """
     files = [logs] if isinstance(logs, (str, os.PathLike)) else list(logs)
-    arguments: list[Any] = ["identify", *files, "--payload", payload]
-    for name, value in (("--robot", robot), ("--out", out), ("--columns", columns)):
-        if value is not None:
-            arguments += [name, value]
+    arguments: list[Any] = ["identify", *files, *_options(payload=payload, robot=robot, out=out, columns=columns)]
     for name, wanted in (("--sampled-torques", sampled_torques), ("--body-masses", body_masses),
                          ("--rotor-inertias", rotor_inertias), ("--torque-offsets", torque_offsets)):
         arguments += [name] * wanted
@@ -277,10 +272,7 @@ def sweep(file: PathLike, *, runs: int, out: PathLike, seed: int = 1, set: Mappi
 
     Returns the table: one list per column, one entry per case and run (pandas.DataFrame takes it).
     """
-    arguments: list[Any] = ["sweep", file, "--runs", runs, "--seed", seed, "--out", out, *_overrides(set), *_cases(cases)]
-    if jobs is not None:
-        arguments += ["--jobs", jobs]
-    _call(arguments, (0, 3, 4, 6))
+    _call(["sweep", file, *_options(runs=runs, seed=seed, out=out, jobs=jobs), *_overrides(set), *_cases(cases)], (0, 3, 4, 6))
     return _read_table(Path(out))
 
 
