@@ -7,7 +7,6 @@
 #include <set>
 #include <thread>
 
-#include "ExpectContains.h"
 #include "Program.h"
 #include "RobotFolder.h"
 #include "records/LogReader.h"

@@ -1,5 +1,4 @@
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "ProjectExperiment.h"
 
 // What the experiments of the other arms claim: limits kept and reached, the real arm next to the nominal one.

@@ -1,8 +1,6 @@
 #include "Complaint.h"
 #include "core/ErrorList.h"
 
-#include <gtest/gtest.h>
-
 namespace viable {
 namespace {
 

@@ -1,8 +1,6 @@
 #include "Complaint.h"
 #include "filter/FilterChain.h"
 
-#include <gtest/gtest.h>
-
 #include <cfenv>
 #include <functional>
 

@@ -1,7 +1,6 @@
 #include "Complaint.h"
 #include "host/IsolatedPlugin.h"
 
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>

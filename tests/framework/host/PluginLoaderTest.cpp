@@ -2,7 +2,6 @@
 
 #include <dlfcn.h>
 #include <elf.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 
 #include <cfenv>

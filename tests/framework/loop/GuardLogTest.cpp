@@ -1,7 +1,6 @@
 #include "viable/loop/GuardLog.h"
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "log/LogMetadata.h"
 #include "records/LogReader.h"
 #include "viable/loop/ReferenceGuard.h"

@@ -2,7 +2,6 @@
 #include "viable/loop/ReferenceGuard.h"
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "Joints.h"
 #include "viable/testing/AllocationCounter.h"
 #include "viable/testing/TwoLinkArm.h"

@@ -1,8 +1,6 @@
-
 #include <cmath>
 #include <cstdio>
 
-#include "ExpectContains.h"
 #include "SampleArm.h"
 #include "robot/DynamicsCheck.h"
 #include "viable/testing/AllocationCounter.h"

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <random>
 
-#include "ExpectContains.h"
 #include "Joints.h"
 #include "RobotFolder.h"
 #include "viable/robot/RobotModel.h"

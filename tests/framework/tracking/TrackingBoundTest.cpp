@@ -1,7 +1,5 @@
 #include "Paths.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdio>
 #include <functional>
 

@@ -1,6 +1,5 @@
 #include "AccelerationViability.h"
 
-#include "ExpectContains.h"
 #include "LawBench.h"
 
 namespace viable {

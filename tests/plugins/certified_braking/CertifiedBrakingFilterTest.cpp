@@ -1,6 +1,5 @@
 #include "viable/filter/CertifiedBrakingFilter.h"
 
-#include "ExpectContains.h"
 #include "LawBench.h"
 
 namespace viable {

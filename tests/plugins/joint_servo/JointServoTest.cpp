@@ -2,7 +2,6 @@
 
 #include "CaseSupport.h"
 #include "Effort.h"
-#include "ExpectContains.h"
 #include "TestArm.h"
 #include "viable/testing/AllocationCounter.h"
 

@@ -3,7 +3,6 @@
 
 #include "CaseSupport.h"
 #include "Effort.h"
-#include "ExpectContains.h"
 #include "TestArm.h"
 #include "core/RotationVector.h"
 #include "environment/ArmClearances.h"

@@ -1,6 +1,5 @@
 #include "Tosbp.h"
 
-#include "ExpectContains.h"
 #include "LawBench.h"
 
 namespace viable {

@@ -1,6 +1,5 @@
 #include "VelocityDamper.h"
 
-#include "ExpectContains.h"
 #include "LawBench.h"
 
 namespace viable {

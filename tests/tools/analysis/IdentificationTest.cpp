@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "ExpectContains.h"
 #include "RobotFolder.h"
 #include "robot/ArmRecursion.h"
 

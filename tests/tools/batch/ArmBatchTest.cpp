@@ -1,8 +1,6 @@
 #include "Balls.h"
 #include "batch/ArmBatch.h"
 
-#include <gtest/gtest.h>
-
 #include <cfenv>
 #include <functional>
 #include <random>

@@ -1,7 +1,6 @@
 #include "live/LiveSession.h"
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "live/Replay.h"
 #include "records/LogReader.h"
 #include "viable/testing/AllocationCounter.h"

@@ -1,8 +1,6 @@
-
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "environment/CollisionChecker.h"
 #include "live/LiveSession.h"
 #include "live/Replay.h"

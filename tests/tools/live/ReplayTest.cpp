@@ -1,7 +1,6 @@
 #include "live/Replay.h"
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "records/LogReader.h"
 
 namespace viable::test {
