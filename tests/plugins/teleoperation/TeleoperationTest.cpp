@@ -1,3 +1,5 @@
+#include "Teleoperation.h"
+
 
 #include "CaseSupport.h"
 #include "CommandBench.h"
