@@ -1,6 +1,5 @@
 #include "Teleoperation.h"
 
-
 #include "CaseSupport.h"
 #include "CommandBench.h"
 #include "live/LiveSession.h"
