@@ -403,7 +403,7 @@ TEST_F(StreamTest, OneNameIsForOneListener) {
     begin();
     Stream other;
     bench_.configure(other, "name: " + name_);
-    const std::string told = test::catchError([&] { other.reset(bench_.start); });
+    const std::string told = test::catchError([&] { other.reset(bench_.start); }, ErrorKind::PluginFailed);
     EXPECT_PRED_FORMAT2(says, told, "another case of this run listens under this name");
     EXPECT_PRED_FORMAT2(says, told, "give each a `name` of its own");
 }
@@ -455,7 +455,8 @@ TEST(Stream, AFolderThatOthersCanEnterIsRefused) {
     const CommandBench bench;
     Stream stream;
     bench.configure(stream, "name: " + makeName());
-    EXPECT_PRED_FORMAT2(says, test::catchError([&] { stream.reset(bench.start); }), "no folder of this user alone");
+    const std::string told = test::catchError([&] { stream.reset(bench.start); }, ErrorKind::PluginFailed);
+    EXPECT_PRED_FORMAT2(says, told, "no folder of this user alone");
     before ? setenv("XDG_RUNTIME_DIR", kept.c_str(), 1) : unsetenv("XDG_RUNTIME_DIR");
     std::filesystem::remove_all(folder);
 }
