@@ -730,7 +730,9 @@ TEST(ArmBatch, WhatAPlantTellsIsChecked) {
         ArmBatchOptions options;
         options.plant = std::string("{plugin: failing_plant, ") + told + "}";
         options.pluginPath = {VIABLE_BROKEN_PLUGIN_DIR};
-        EXPECT_NE(findComplaint([&] { ArmBatch(robot, 1, 0.001, options); }).find(cause), std::string::npos) << told;
+        SCOPED_TRACE(told);
+        const auto make = [&] { ArmBatch(robot, 1, 0.001, options); };
+        test::expectContains(findComplaint(make, ErrorKind::PluginFailed), {cause});
     }
 }
 
