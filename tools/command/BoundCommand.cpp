@@ -7,6 +7,7 @@
 #include "experiment/CaseForecast.h"
 #include "experiment/ConfiguredCase.h"
 #include "experiment/ExperimentFile.h"
+#include "records/WorkShare.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -140,6 +141,8 @@ int run(const BoundArguments& arguments) {
     bool any = false;
     for (const CasePlan& plan : experiment.cases) {
         if (!plan.disturbances) continue;
+        WorkShare::tell("bounding", static_cast<double>(&plan - experiment.cases.data()) /
+                                        static_cast<double>(experiment.cases.size()));
         const auto configured = configureTracking(plan);
         if (!configured->bound) continue;
         any = true;

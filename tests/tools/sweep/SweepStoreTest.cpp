@@ -240,8 +240,9 @@ TEST(SweepHash, IsOfNamesAndContentsWhereverTheyLie) {
 TEST(SweepStore, HasOneWriter) {
     const Folder folder;
     const SweepStore store(folder / "s", makePlan());
-    EXPECT_NE(test::findComplaint([&] { SweepStore(folder / "s", makePlan()); }).find("another sweep is writing"),
-              std::string::npos);
+    EXPECT_NE(
+        test::findComplaint([&] { SweepStore(folder / "s", makePlan()); }).find("another run or sweep is writing"),
+        std::string::npos);
     EXPECT_EQ(SweepStore(folder / "s").findRuns().size(), 0u) << "readers are welcome";
 }
 
