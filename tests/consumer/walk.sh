@@ -39,7 +39,7 @@ for file in limits actuation; do
 done
 part "describe the robot" viable robots --describe ./my_arm
 part "its first run" viable run my_arm/first_run.yaml --out robot_out
-grep -q "verdict       all limits kept" "$work/log"
+grep -q '"verdict": "all limits kept' robot_out/summary.json
 test -s robot_out/report.html
 
 # One project per kind, built as its README says.

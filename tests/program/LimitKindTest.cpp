@@ -21,7 +21,7 @@ cases: {A: {filter: {plugin: upright}}, B: {filter: {plugin: pass_through}}}
 TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
     const TemporaryFolder folder;
     const std::string file = folder.write("e.yaml", kTipping);
-    const Outcome run = test::run({"run", file, "--out", folder / "run"});
+    const Outcome run = test::run({"run", file, "--details", "--out", folder / "run"});
     EXPECT_EQ(run.code, 3) << run.err;
     expectContains(run.out, {"upright[deg]", "guarantee broken, the arm broke its limit of upright", "no upright",
                              "the nominal arm broke its limit of upright: worst ", "limit 20, beyond it in"});
@@ -80,7 +80,7 @@ TEST(LimitKind, JudgeThatMisbehavesIsContainedAndTheLibraryNamed) {
         return folder.write(judge + ".yaml", text);
     };
     const auto run = [&](const std::string& judge) {
-        return test::run({"run", write(judge), "--out", folder / judge, "--jobs", "1"});
+        return test::run({"run", write(judge), "--details", "--out", folder / judge, "--jobs", "1"});
     };
     expectContains(run("throws").out, {"the nominal arm broke its limit of upright: worst ", "(its check failed)"});
     expectContains(run("loses_words").out, {"upright: (its words failed)(its words failed)"});

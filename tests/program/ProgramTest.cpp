@@ -1,4 +1,6 @@
+#include <fcntl.h>
 #include <signal.h>
+#include <sys/file.h>
 
 #include <chrono>
 #include <cmath>
@@ -41,7 +43,15 @@ TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
     const std::string out = folder / "run";
     const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", out});
     ASSERT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"one joint", "worst use", "A: filter tosbp", "B: filter acceleration_viability", out});
+    expectContains(
+        o.out, {"one joint", "its command", "\nA the arm was ", "\nB nominal arm: limits broken", "best first", out});
+    std::istringstream lines(o.out);
+    for (std::string line; std::getline(lines, line);)
+        EXPECT_LE(line.size(), 100 + (line.find(out) == std::string::npos ? 0 : out.size())) << line;
+    EXPECT_EQ(o.out.find("\033["), std::string::npos) << "colour is for terminals";
+    const Outcome full =
+        run({"run", folder.write("e.yaml", kExperiment), "--no-report", "--details", "--out", folder / "b"});
+    expectContains(full.out, {"ranking: joint-ticks", "A: filter tosbp", "  jerk          worst use", "acted N times"});
     EXPECT_EQ(countRows(out + "/A.mcap"), 2000);
     const auto summary = nlohmann::json::parse(readFile(out + "/summary.json"));
     EXPECT_EQ(summary["cases"].size(), 2u);
@@ -102,7 +112,7 @@ TEST(Program, TheExperimentFileOfItsReadmeRunsAsPrinted) {
     Folder folder;
     const Outcome o = run({"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
     EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"My question", "certified: filter certified_braking", "paper: filter tosbp"});
+    expectContains(o.out, {"My question", "\ncertified ", "\npaper "});
 }
 
 TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
@@ -367,6 +377,57 @@ TEST(Fault74, OfTwoRunsAtOnceIntoOneFolderOneGetsIt) {
         EXPECT_EQ(countRows(out + "/" + winner + ".mcap"), 50);
         EXPECT_EQ(std::distance(std::filesystem::directory_iterator(out), {}), 2);  // log and summary, no more
     }
+}
+
+TEST(Fault74, OfTwoWritersIntoOneFolderOrFileOneIsRefused) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment), sweep = folder / "sweep", log = folder / "run/A.mcap";
+    std::filesystem::create_directory(sweep);
+    const int held = ::open(sweep.c_str(), O_RDONLY | O_DIRECTORY);  // as a sweep that has just begun holds it
+    ASSERT_EQ(::flock(held, LOCK_EX), 0);
+    const Outcome o = run({"run", file, "--out", sweep, "--no-report", "--case", "A"});
+    EXPECT_EQ(o.code, 2);
+    expectContains(o.err, {"another run or sweep writes into this folder"});
+    EXPECT_TRUE(std::filesystem::is_empty(sweep));
+    ::close(held);
+    ASSERT_EQ(run({"run", file, "--out", folder / "run", "--no-report", "--case", "A"}).code, 0);
+    for (int i = 0; i < 5; ++i) {
+        const std::string out = folder / ("verdict" + std::to_string(i)), csv = folder / ("c" + std::to_string(i));
+        Program a({"verify", log, "--signal", "nominal", "--json", out}),
+            b({"verify", log, "--signal", "nominal", "--json", out});
+        Program c({"export", log, "--to", "csv", csv}), d({"export", log, "--to", "csv", csv});
+        Program e({"report", folder / "run"}), f({"report", folder / "run"});
+        EXPECT_EQ((a.wait().code == 2) + (b.wait().code == 2), 1);
+        EXPECT_EQ(c.wait().code + d.wait().code, 2);
+        EXPECT_EQ(e.wait().code + f.wait().code, 0);
+        EXPECT_TRUE(nlohmann::json::accept(readFile(out)));
+        EXPECT_NE(readFile(folder / "run/report.html").find("</html>"), std::string::npos);
+    }
+}
+
+TEST(Program, LongWorkTellsHowFarItIs) {
+    Folder folder;
+    std::string text = kExperiment;
+    text.replace(text.find("gamma: 100"), 10, "gamma: '~uniform(90, 110)'");
+    const Outcome o = run({"check", folder.write("e.yaml", text)}, [] { setenv("VIABLE_MESSAGES", "json", 1); });
+    EXPECT_EQ(o.code, 0) << o.err;
+    expectContains(o.err, {"{\"progress\":{\"trying draws\":0."});
+}
+
+TEST(Program, AllComplaintsComeAtOnceAndTheirRemediesFit) {
+    Folder folder;
+    const std::string file = folder.write("e.yaml", kExperiment);
+    expectContains(run({"run", file, "--case", "x", "--case", "y"}).err, {"--case x", "--case y"});
+    expectContains(run({"check", file, "--set", "tick_s=-1", "--set", "limits.jerk_radps3=-4"}).err,
+                   {"tick_s", "jerk"});
+    expectContains(run({"check", file, "--set", "robot=./nowhere"}).err, {"`./nowhere` in " VIABLE_SOURCE_DIR ","});
+    expectContains(run({"check", file, "--set", "filter.plugin=/usr/lib/none.so"}).err, {"Check the path"});
+    expectContains(run({"check", file, "--set", "command={plugin: waypoints, points: [1, 2]}"}).err,
+                   {"such as `[1, 2"});
+    const Outcome none =
+        run({"check", file, "--set", "robust_loop={plugin: none}", "--set", "real_plant={plugin: simbody}"});
+    EXPECT_EQ(none.code, 0) << none.err;
+    EXPECT_EQ(none.out.find("the robust loop adds"), std::string::npos) << none.out;
 }
 
 TEST(Fault74, AFolderThatAKilledRunHasClaimedIsRefusedWithTheRemedy) {

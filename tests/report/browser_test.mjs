@@ -64,6 +64,7 @@ const hasBound = description.cases.some((c) => c.joints.some(({ series }) => ser
 const hasClearance = description.cases.some((c) => c.clearance?.distance);
 const touching = description.cases.find((c) => c.contact);
 const QUANTITIES = [
+  ...(description.cases.some((c) => c.tool) ? ['tool'] : []),
   ...['position', 'velocity', 'acceleration', 'jerk', 'torque'],
   ...(hasReal ? ['error'] : []),
   ...(hasBound ? ['velocity_error'] : []),
@@ -71,9 +72,10 @@ const QUANTITIES = [
   ...(hasClearance ? ['clearance'] : []),
   ...(touching ? ['contact'] : []),
 ];
-const OF_ARM = ['clearance', 'contact']; // not of a joint
-const LIMITED = QUANTITIES.slice(0, 4);
+const OF_ARM = ['tool', 'clearance', 'contact']; // not of a joint
+const LIMITED = ['position', 'velocity', 'acceleration', 'jerk'];
 const SERIES = {
+  tool: 'tool',
   position: 'nominal_q',
   velocity: 'nominal_qd',
   acceleration: 'nominal_qdd',
@@ -140,7 +142,7 @@ function hasNumbers(quantity) {
 
 /** Least and largest value of a series of the first joint in a case, or null. */
 function extremes(c, key) {
-  const ofArm = { clearance: c.clearance?.distance, contact: c.contact?.pressing };
+  const ofArm = { clearance: c.clearance?.distance, contact: c.contact?.pressing, tool: c.tool?.nominal };
   const reference = key in ofArm ? ofArm[key] : c.joints[0].series[key];
   if (typeof reference === 'number') return [reference, reference];
   const range = [Infinity, -Infinity];
@@ -239,6 +241,18 @@ test('opens from a file without an error and without any other request', async (
   }
   assert.ok(shown.includes(description.yaml), 'no experiment file');
   assert.equal(await page.evaluate(() => document.querySelectorAll('#page script, #page img').length), 0);
+});
+
+test('a case is one sentence, and the rest unfolds', async () => {
+  const page = await open();
+  for (const [i, c] of description.cases.entries()) {
+    const card = page.locator('.verdict').nth(i);
+    assert.ok((await card.locator('.verdict-text').textContent()).includes((c.sentence || c.verdict).slice(0, 30)), c.name);
+    if (!c.sentence) continue;
+    assert.equal(await card.locator('.verdict-full').isVisible(), false);
+    await card.locator('summary').click();
+    assert.ok(await card.locator('.verdict-full').isVisible());
+  }
 });
 
 test('every plot is drawn', async () => {
@@ -1041,6 +1055,8 @@ test('fits a phone of 375 pixels', async () => {
   for (const details of await page.locator('#details summary').all()) await details.click();
   for (const panel of await panels(page)) await panel.scrollIntoViewIfNeeded();
   assert.ok((await overflow(page)) <= 0, `${await overflow(page)} pixels too wide`);
+  for (const host of await page.locator('.scroll, #joints').all())
+    assert.ok(await host.evaluate((root) => root.scrollWidth <= root.clientWidth), 'a table must be moved sideways');
   await page.locator('body').press('a');
   await page.waitForTimeout(500);
   assert.ok((await overflow(page)) <= 0, `${await overflow(page)} pixels too wide with all joints`);

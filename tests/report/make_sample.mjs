@@ -403,6 +403,8 @@ function makeCase(index) {
   const distance = new Series(buckets, perBucket);
   if (nearest)
     for (let row = 0; row < rows; ++row) distance.put(row, nearest[NEAREST * Math.floor(row / stride)]);
+  const tool = new Series(buckets, perBucket);
+  for (let row = 0; row < rows; ++row) tool.put(row, 0.03 + 0.02 * Math.sin(row / 400 + index));
   const pressing = new Series(buckets, perBucket);
   const contact = new Float32Array(CONTACT * frames);
   const force = (row) => (row % 1000 > 500 && row % 1000 < 800 ? 250 - (row % 1000) / 5 : 0); // at most 149.8 N
@@ -415,6 +417,7 @@ function makeCase(index) {
     }
   const touched = { obstacles: OBSTACLES, peak_N: 149.8, peak_s: 0.501, peak_obstacle: 0, last_N: 0 };
   return {
+    tool: { nominal: binary.add(tool.values), real: null },
     ...(style.touches && { contact: { ...touched, pressing: binary.add(pressing.values) } }),
     ...(nearest && { clearance: { environment: 0, links: LINKS, obstacles: OBSTACLES, distance: binary.add(distance.values) } }),
     ...(style.verified && { verification: makeVerification(judged) }),
@@ -422,6 +425,7 @@ function makeCase(index) {
     ...{ filter, guarantees, verdict, ok },
     robust_loop: style.robust ? 'nric' : 'none',
     plant: 'simbody',
+    sentence: index % 2 ? '' : `${style.name} in one sentence; ${style.verdict}.`,
     stop: style.stopAt
       ? { time_s: rows * TICK, message: 'jerk 61.2 rad/s^3 of joint2 is over its limit 37.7 rad/s^3' }
       : null,

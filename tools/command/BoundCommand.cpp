@@ -5,6 +5,7 @@
 #include "core/JsonNumber.h"
 #include "core/Text.h"
 #include "experiment/CaseForecast.h"
+#include "records/WorkShare.h"
 
 namespace viable {
 
@@ -137,6 +138,8 @@ int run(const BoundArguments& arguments) {
     bool any = false;
     for (const CasePlan& plan : experiment.cases) {
         if (!plan.disturbances) continue;
+        WorkShare::tell("bounding", static_cast<double>(&plan - experiment.cases.data()) /
+                                        static_cast<double>(experiment.cases.size()));
         const auto configured = configureTracking(plan);
         if (!configured->bound) continue;
         any = true;

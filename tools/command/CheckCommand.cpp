@@ -5,6 +5,7 @@
 #include "config/Draws.h"
 #include "core/ErrorList.h"
 #include "experiment/CaseForecast.h"
+#include "records/WorkShare.h"
 
 namespace viable {
 
@@ -51,8 +52,12 @@ int checkOne(const Experiment& experiment, bool tells) {
     int warnings = 0;
     CaseForecast last;
     detail::ErrorList errors;
+    const auto share = [&](const CasePlan& plan) {
+        return static_cast<double>(&plan - experiment.cases.data()) / static_cast<double>(experiment.cases.size());
+    };
     for (const CasePlan& plan : experiment.cases) {
         if (errors.isFull()) break;
+        if (tells) WorkShare::tell("checking", share(plan));
         errors.collect([&] {
             const auto configured = configureCase(plan);
             if (tells) warnings += tell(*configured, last);
@@ -77,10 +82,18 @@ int checkDraws(const CheckArguments& arguments, const ConfigNode& root, const st
             throw Error(e.kind(), what, e.what());
         }
     };
-    for (int run = 0; run < kTriedRuns; ++run) check(run, {}, "--draw 1:" + std::to_string(run));
-    std::size_t ends = 0;
+    std::size_t ends = 0, all = kTriedRuns;
+    for (const DrawnKey& draw : draws) all += draw.ends.size();
+    const auto tellShare = [&](std::size_t done) {
+        WorkShare::tell("trying draws", static_cast<double>(done) / static_cast<double>(all));
+    };
+    for (int run = 0; run < kTriedRuns; ++run) {
+        tellShare(static_cast<std::size_t>(run));
+        check(run, {}, "--draw 1:" + std::to_string(run));
+    }
     for (const DrawnKey& draw : draws)
         for (const std::string& end : draw.ends) {
+            tellShare(kTriedRuns + ends);
             check(0, {{draw.keyPath, end}}, "--draw 1:0 --set " + draw.keyPath + "=" + end);
             ++ends;
         }

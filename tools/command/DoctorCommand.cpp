@@ -176,6 +176,7 @@ int runDoctor(const DoctorArguments& arguments) {
     std::string trouble;
     const double load = readLoad();  // of others
     if (arguments.measure_s > 0.0) {
+        if (!arguments.isJson) std::fprintf(stderr, "measuring for %g s ...\n", arguments.measure_s);
         try {
             measured =
                 measureMachine({arguments.measure_s, arguments.tick_s, {arguments.cpu, arguments.priority, true}});

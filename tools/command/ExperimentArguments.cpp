@@ -4,6 +4,7 @@
 
 #include "Commands.h"
 #include "config/Draws.h"
+#include "core/ErrorList.h"
 #include "core/Text.h"
 
 namespace viable {
@@ -32,13 +33,15 @@ void selectCases(Experiment& experiment, const std::vector<std::string>& wanted)
     if (wanted.empty()) return;
     std::vector<std::string> names;
     for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+    detail::ErrorList errors;
     for (const std::string& name : wanted) {
         if (std::find(names.begin(), names.end(), name) != names.end()) continue;
         const std::string closest = findClosestName(name, names);
-        throw badInput(
+        errors.add(
             "--case " + name, experiment.file.string() + " has no case of that name",
             (closest.empty() ? "" : "Did you mean '" + closest + "'? ") + "Its cases: " + detail::join(names) + ".");
     }
+    errors.throwIfAny(experiment.file.string());
     experiment.cases.erase(std::remove_if(experiment.cases.begin(), experiment.cases.end(),
                                           [&](const CasePlan& plan) {
                                               return std::find(wanted.begin(), wanted.end(), plan.name) == wanted.end();

@@ -64,8 +64,8 @@ int identifyLogs(const IdentifyArguments& arguments) {
                            "the friction of " + joint.name + " is estimated below zero: it would drive the joint",
                            "Is the sign of the torques that of the positions, and are they the motors' torques at the "
                            "joints? No file was written.");
-    if (!arguments.json.empty()) replaceFile(arguments.json, writeJson(found));
-    if (!arguments.out.empty()) replaceFile(arguments.out, writeActuation(nominal, found));
+    if (!arguments.json.empty()) writeNew(arguments.json, writeJson(found));
+    if (!arguments.out.empty()) writeNew(arguments.out, writeActuation(nominal, found));
     for (const std::string& file : {arguments.json, arguments.out})
         if (!file.empty()) std::printf("wrote %s\n", file.c_str());
     return 0;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdlib>
+#include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -12,6 +13,7 @@
 #include "StopSignals.h"
 #include "core/ErrorParts.h"
 #include "core/Text.h"
+#include "records/WorkShare.h"
 
 namespace viable {
 
@@ -96,6 +98,18 @@ int tellUnexpected(const std::exception& e) {
     return viable::kUnexpected;
 }
 
+/** Long work that knows how far it is, other than runs and sweeps, which show themselves. */
+void showWork(const char* what, double share) {
+    static std::string shown;
+    static std::unique_ptr<viable::Progress> progress;
+    if (shown != what) {
+        progress = std::make_unique<viable::Progress>(std::vector<std::string>{what});
+        shown = what;
+    }
+    progress->set(0, share);
+    progress->draw();
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -131,6 +145,7 @@ int main(int argc, char** argv) {
             return static_cast<int>(viable::ErrorKind::BadInput);
         }
     }
+    viable::WorkShare::show = showWork;
     viable::installCrashHandler({});  // before the first library is loaded
     try {
         app.parse(argc, argv);

@@ -78,7 +78,7 @@ void writePlugin(PluginKind kind, const NewArguments& arguments) {
     printPluginSteps(target);
 }
 
-void writeNew(const NewArguments& arguments) {
+void writeNewFolder(const NewArguments& arguments) {
     std::vector<std::string> kinds = {"robot"};
     for (const PluginKind kind : kPluginKinds) kinds.emplace_back(getName(kind));
     if (arguments.kind.empty()) throw badInput("new", "the kind is missing", kUsage);
@@ -127,7 +127,7 @@ void addNewCommand(CLI::App& app, int& exitCode) {
                         "Folder for the new folder; created where it is missing "
                         "(default: the current one)");
     command->callback([arguments, &exitCode] {
-        writeNew(*arguments);
+        writeNewFolder(*arguments);
         exitCode = 0;
     });
 }

@@ -13,7 +13,9 @@ namespace viable {
 namespace {
 constexpr int kBarWidth = 40;
 constexpr std::chrono::seconds kPlainInterval{5};
-constexpr std::chrono::milliseconds kJsonInterval{100};
+constexpr std::chrono::milliseconds kJsonInterval{100}, kDrawInterval{50};
+/** What ends before shows nothing. */
+constexpr std::chrono::seconds kSilent{2};
 }  // namespace
 
 bool areMessagesJson() {
@@ -40,30 +42,41 @@ void Progress::draw(bool last) {
         drawJson();
         return;
     }
+    const double elapsed = std::chrono::duration<double>(now - begin_).count();
+    const auto tellLeft = [&](double share) {
+        if (!(share > 0.0 && share < 1.0)) return std::string();
+        const auto left_s = static_cast<long>(elapsed / share * (1.0 - share) + 0.5);
+        const long unit = left_s < 120 ? 1 : left_s < 7200 ? 60 : 3600;
+        return std::to_string(left_s / unit) + (unit == 1 ? " s left" : unit == 60 ? " min left" : " h left");
+    };
+    if (!drawn_ && now - begin_ < kSilent) return;
     if (!terminal_) {
-        if (last || now - lastDrawn_ < kPlainInterval) return;  // a short run needs no lines
+        if (last || (drawn_ && now - lastDrawn_ < kPlainInterval)) return;
         lastDrawn_ = now;
+        drawn_ = true;
         std::string line = "running:";
-        for (std::size_t i = 0; i < names_.size(); ++i)
+        double all = 0.0;
+        for (std::size_t i = 0; i < names_.size(); ++i) {
+            all += shares_[i] / static_cast<double>(names_.size());
             line += " " + names_[i] + " " + std::to_string(static_cast<int>(100.0 * shares_[i])) + " %";
+        }
+        if (const std::string left = tellLeft(all); !left.empty()) line += ", " + left;
         std::fprintf(stderr, "%s\n", line.c_str());
         return;
     }
+    if (!last && now - lastDrawn_ < kDrawInterval) return;
+    lastDrawn_ = now;
     if (drawn_) std::fprintf(stderr, "\033[%zuA", names_.size());
     drawn_ = true;
-    const double elapsed = std::chrono::duration<double>(now - begin_).count();
     std::size_t width = 0;
     for (const std::string& name : names_) width = std::max(width, name.size());
     for (std::size_t i = 0; i < names_.size(); ++i) {
         const double share = shares_[i];
         const int filled = static_cast<int>(share * kBarWidth);
         const std::string bar(static_cast<std::size_t>(filled), '=');
-        std::string tail = share > 0.0 && share < 1.0
-                               ? std::to_string(static_cast<int>(elapsed / share * (1.0 - share) + 0.5)) + " s left"
-                               : "";
         std::fprintf(stderr, "\r\033[K%-*s [%s%-*s%s] %3d %% %s\n", static_cast<int>(width), names_[i].c_str(),
                      color_ ? "\033[32m" : "", kBarWidth, bar.c_str(), color_ ? "\033[0m" : "",
-                     static_cast<int>(100.0 * share), tail.c_str());
+                     static_cast<int>(100.0 * share), tellLeft(share).c_str());
     }
     std::fflush(stderr);
 }

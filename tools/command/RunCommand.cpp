@@ -27,6 +27,7 @@ struct RunArguments {
     std::string draw;
     int jobs = 0;
     bool noReport = false;
+    bool details = false;
     bool again = false;
     bool isolate = false;
     std::optional<double> watchdog_s;
@@ -151,6 +152,16 @@ int replay(const RunArguments& arguments) {
     return 0;
 }
 
+/** Each once, with the cases that have it, and where the rest is. */
+void tellWarnings(const std::vector<CaseResult>& results) {
+    std::map<std::string, std::string> warnings;
+    for (const CaseResult& result : results)
+        for (const std::string& warning : result.warnings) detail::addItem(warnings[warning], result.name);
+    for (const auto& [warning, names] : warnings)
+        std::printf("%s\n", detail::wrap("WARNING (" + names + ") " + warning).c_str());
+    std::printf("\nall figures, remedies and the ranking of filters: --details, or summary.json\n");
+}
+
 int run(const RunArguments& arguments) {
     if (arguments.again) return replay(arguments);
     refuseLog(arguments.file);
@@ -187,12 +198,21 @@ int run(const RunArguments& arguments) {
     tellStage("while summary and report were written", PluginsRun::NoMore);
 
     std::printf("\n%s\n", formatComparison(results).c_str());
-    if (const std::string ranking = formatRanking(results); !ranking.empty()) std::printf("%s\n", ranking.c_str());
+    const std::string ranking = arguments.details ? formatRanking(results) : "";
+    if (!ranking.empty()) std::printf("%s\n", ranking.c_str());
     int code = 0;
-    for (std::size_t i = 0; i < results.size(); ++i) {
-        tellResult(results[i]);
-        if (const int own = results[i].exitCode(); isGraver(own, code)) code = own;
+    std::size_t width = 0;
+    for (const CaseResult& result : results) width = std::min<std::size_t>(24, std::max(width, result.name.size()));
+    for (const CaseResult& result : results) {
+        tellResult(result, arguments.details, width);
+        if (const int own = result.exitCode(); isGraver(own, code)) code = own;
     }
+    if (const std::string order = formatOrder(results); !order.empty())
+        std::printf("\n%s\n", detail::wrap(order).c_str());
+    if (arguments.details)
+        std::printf("\n%s", kAccountLegend);
+    else
+        tellWarnings(results);
     if (const int lost = tryWriteSummary(folder, experiment, results); code == 0) code = lost;
     if (getStopSignal() != 0)  // who stops a run wants it to end; the report would read all logs again
         std::printf("for a report: viable report %s\n", folder.c_str());
@@ -227,6 +247,7 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         ->check(CLI::Range(1, 256));
     command->add_flag("--no-report", arguments->noReport,
                       "Logs and summary only; `viable report DIR` writes the report later");
+    command->add_flag("--details", arguments->details, "Print the whole account of each case and the ranking");
     CLI::Option* again = command->add_flag(
         "--again", arguments->again,
         "FILE is a log: decide all its ticks again from the recorded commands and readings, and compare");
@@ -238,7 +259,7 @@ void addRunCommand(CLI::App& app, int& exitCode) {
                      "Seconds that a plugin may take for one call: with --isolate the arm is then "
                      "braked (default: 5), without it the program ends (default: 60)")
         ->check(CLI::Range(0.01, 3600.0));
-    for (const char* other : {"--out", "--case", "--set", "--draw", "--jobs", "--no-report", "--isolate"})
+    for (const char* other : {"--out", "--case", "--set", "--draw", "--jobs", "--no-report", "--details", "--isolate"})
         again->excludes(command->get_option(other));  // the log says all that
     command->callback([arguments, &exitCode] { exitCode = run(*arguments); });
 }

@@ -1,16 +1,21 @@
 #include "RunFolder.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <ctime>
 #include <system_error>
 
 #include "Commands.h"
 #include "CrashHandler.h"
+#include "Progress.h"
+#include "core/Text.h"
 #include "core/WholeFile.h"
+#include "records/WorkShare.h"
 #include "report/RunReport.h"
 
 namespace viable {
@@ -40,6 +45,12 @@ void ignoreWriteSignals() {
 }
 
 FolderClaim::FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
+    lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        ::close(lock_);
+        throw badInput("--out " + folder.string(), "another run or sweep writes into this folder",
+                       "Name another folder.");
+    }
     const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor < 0 && errno == EEXIST)
         throw badInput("--out " + folder.string(),
@@ -58,6 +69,7 @@ FolderClaim::FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
 
 FolderClaim::~FolderClaim() {
     ::unlink(file_.c_str());
+    ::close(lock_);
 }
 
 void requireFreeFolder(const fs::path& folder) {
@@ -98,8 +110,22 @@ fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
     throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
 }
 
-void tellResult(const CaseResult& result) {
-    std::printf("%s\n", formatDetails(result).c_str());
+/** The case's name, in colour on a terminal, and its sentence. */
+static void tellSentence(const CaseResult& result, std::size_t width) {
+    const CaseSentence sentence = tellCase(result);
+    const char* const colors[] = {"\033[32m", "\033[33m", "\033[31m", "\033[31m"};  // by gravity
+    const bool isColored = ::isatty(STDOUT_FILENO) == 1 && !std::getenv("NO_COLOR");
+    const std::size_t begin = std::max(width, result.name.size()) + 1;
+    std::printf("%s%s%s%*s%s\n", isColored ? colors[static_cast<int>(sentence.gravity)] : "", result.name.c_str(),
+                isColored ? "\033[0m" : "", static_cast<int>(begin - result.name.size()), "",
+                detail::wrap(sentence.text, width + 1, begin).c_str());
+}
+
+void tellResult(const CaseResult& result, bool inFull, std::size_t width) {
+    if (inFull)
+        std::printf("%s\n", formatDetails(result).c_str());
+    else
+        tellSentence(result, width);
     std::fflush(stdout);  // both may go to one pipe
     if (result.exitCode() != 0 && !result.stopMessage.empty())
         std::fprintf(stderr, "viable: case %s %s\n%s%s", result.name.c_str(), result.stopMessage.c_str(),
@@ -122,6 +148,7 @@ int tryWriteSummary(const fs::path& folder, const Experiment& experiment, const 
 }
 
 bool tryWriteReport(const fs::path& folder) {
+    if (areMessagesJson()) WorkShare::show = nullptr;  // a program was told of cases, and is not told of logs now
     try {
         for (const fs::path& report : writeReport(folder, findReportPage()))
             std::printf("report: %s\n", report.c_str());

@@ -27,10 +27,12 @@ public:
 
 private:
     const std::filesystem::path file_;
+    int lock_ = -1;  // on the folder, as a sweep has one
 };
 
-/** The account of a case to the terminal; to the error stream, why it was stopped and what the log lacks. */
-void tellResult(const CaseResult& result);
+/** The account of a case to the terminal, or its sentence; to the error stream, why it was stopped and what the log lacks.
+@param width  of the name before a sentence */
+void tellResult(const CaseResult& result, bool inFull = true, std::size_t width = 0);
 
 /** Writes summary.json; where that fails, says so and returns the exit code, else 0. */
 int tryWriteSummary(const std::filesystem::path& folder, const Experiment& experiment,

@@ -88,7 +88,7 @@ int verify(const VerifyArguments& arguments) {
     options.hasCurves = !arguments.json.empty() || arguments.report;
     const RecordVerdict verdict = checkRecord(record, limits, options);
     const std::string json = options.hasCurves ? writeJson(verdict, record) : "";
-    if (!arguments.json.empty()) replaceFile(arguments.json, json);
+    if (!arguments.json.empty()) writeNew(arguments.json, json);
     std::fputs(writeText(verdict).c_str(), stdout);
     if (!missing.empty()) std::printf("not in the record, so not judged: %s\n", missing.c_str());
     if (verdict.overall() == Finding::NoLimit)

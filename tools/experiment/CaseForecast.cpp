@@ -6,6 +6,7 @@
 #include "environment/ArmClearances.h"
 #include "experiment/NominalLoop.h"
 #include "experiment/TrialTick.h"
+#include "experiment/UnlikelyValues.h"
 #include "host/PythonClass.h"
 #include "host/WatchedLimit.h"
 #include "plugin/RehearsedCommand.h"
@@ -295,6 +296,7 @@ void addLimits(const ConfiguredCase& configured, CaseForecast& forecast) {
 
 CaseForecast forecastCase(const ConfiguredCase& configured) {
     CaseForecast forecast;
+    forecast.warnings = detail::findUnlikelyValues(configured.plan);
     addGains(configured, forecast);
     addPush(configured, forecast);
     addMotors(configured, forecast);
@@ -308,7 +310,7 @@ CaseForecast forecastCase(const ConfiguredCase& configured) {
 
 std::optional<detail::AuthoritySizes> findAuthority(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
-    if (!plan.robustLoop || plan.robustLoop->acceptsUnstable) return {};
+    if (!plan.robustLoop || plan.robustLoop->acceptsUnstable || plan.robustLoop->plugin.name == "none") return {};
     const std::optional<LinearErrorLoop> law = configured.plugins.robustLoop->traits().errorLoop;
     return detail::calcAuthority(configured.setup, law ? &*law : nullptr,
                                  configured.bound ? &*configured.bound : nullptr);

@@ -104,8 +104,9 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
         const auto payload = plan.payload->get<PayloadSettings>();
         plan.robot = withPayload(plan.robot, payload.mass_kg, payload.offset);
     });
-    const bool hasTick = map.isSure("tick_s") && errors.collect([&] { plan.tick_s = readTick(map.find("tick_s")); });
-    if (hasTick) {
+    if (map.isSure("tick_s")) {
+        // Wrong, it hides nothing else: the rest is read with the usual one.
+        if (!errors.collect([&] { plan.tick_s = readTick(map.find("tick_s")); })) plan.tick_s = readTick(nullptr);
         bool hasDuration = false;
         require("duration_s", [&](const ConfigNode& value) {
             plan.duration_s = readDuration(value, plan.tick_s);

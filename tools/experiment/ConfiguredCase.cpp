@@ -1,4 +1,5 @@
 #include "experiment/ConfiguredCase.h"
+#include "experiment/UnlikelyValues.h"
 
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
@@ -219,7 +220,7 @@ void applyBound(const CasePlan& plan, ConfiguredCase& configured) {
     if (configured.bound) detail::checkMotors(plan, *configured.bound);
 }
 
-std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation) {
+std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolation* isolation) try {
     auto configured = configureTracking(plan, isolation);
     applyBound(plan, *configured);
     addSurroundings(*configured);
@@ -233,6 +234,10 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     if (plugins.realPlant) detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);
     detail::checkControllerFollows(plan, *plugins.command, *plugins.controller);
     return configured;
+} catch (const Error& e) {
+    const std::string start = detail::findUnlikelyStart(plan);
+    if (start.empty() || e.kind() != ErrorKind::BadInput) throw;
+    throw badInput(plan.startPlace, start, e.what());
 }
 
 }  // namespace viable

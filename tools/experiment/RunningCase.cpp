@@ -1,4 +1,5 @@
 #include "experiment/RunningCase.h"
+#include "experiment/UnlikelyValues.h"
 
 #include <unistd.h>
 
@@ -108,28 +109,6 @@ LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout
     return opening;
 }
 
-/** The poses of the tool, which the records of a run do not have of the real arm. */
-std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot) {
-    struct Arm {
-        explicit Arm(const RobotDescription& r) : recursion(r), parent(r.toolParent), placement(r.toolPlacement) {}
-        const ArmRecursion recursion;
-        ArmRecursion::Frames frames;
-        const int parent;
-        const Eigen::Isometry3d placement;
-    };
-    const auto arm = std::make_shared<Arm>(robot);
-    return [arm](const JointVector& q) {
-        arm->recursion.calcFrames(q, arm->frames);
-        Eigen::Isometry3d pose = arm->placement;
-        if (arm->parent >= 0) {
-            const auto at = static_cast<std::size_t>(arm->parent);
-            pose.linear() = arm->frames.rotation[at] * arm->placement.linear();
-            pose.translation() = arm->frames.origin[at] + arm->frames.rotation[at] * arm->placement.translation();
-        }
-        return Pose{pose.translation(), Eigen::Quaterniond(pose.linear())};
-    };
-}
-
 /** Joints that are faster have diverged [rad/s, m/s]. */
 constexpr double kFastest = 20.0;
 
@@ -168,6 +147,7 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
     result.isRelative = relative && relative->text == "true";
     result.margins = configured.margins;
+    result.warnings = detail::findUnlikelyValues(plan);
     result.guarantees = configured.plugins.filter->traits().guarantees;
     if (plan.geometry) result.links = plan.geometry->links;
     if (plan.environment) result.obstacles = plan.environment->obstacleNames();
@@ -177,6 +157,27 @@ CaseResult makeResult(const ConfiguredCase& configured) {
             result.seeds[choice->plugin.name] = seed->text;
     if (plan.stream) result.seeds["stream"] = plan.stream->resolved().find("seed")->text;
     return result;
+}
+
+std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot) {
+    struct Arm {
+        explicit Arm(const RobotDescription& r) : recursion(r), parent(r.toolParent), placement(r.toolPlacement) {}
+        const ArmRecursion recursion;
+        ArmRecursion::Frames frames;
+        const int parent;
+        const Eigen::Isometry3d placement;
+    };
+    const auto arm = std::make_shared<Arm>(robot);
+    return [arm](const JointVector& q) {
+        arm->recursion.calcFrames(q, arm->frames);
+        Eigen::Isometry3d pose = arm->placement;
+        if (arm->parent >= 0) {
+            const auto at = static_cast<std::size_t>(arm->parent);
+            pose.linear() = arm->frames.rotation[at] * arm->placement.linear();
+            pose.translation() = arm->frames.origin[at] + arm->frames.rotation[at] * arm->placement.translation();
+        }
+        return Pose{pose.translation(), Eigen::Quaterniond(pose.linear())};
+    };
 }
 
 RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesSlowly)

@@ -68,4 +68,7 @@ private:
     double memory_MB_ = 0.0;
 };
 
+/** The poses of the tool, which the records of a run do not have of the real arm. */
+std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot);
+
 }  // namespace viable

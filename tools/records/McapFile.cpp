@@ -13,6 +13,7 @@
 #include <system_error>
 #include <utility>
 
+#include "records/WorkShare.h"
 #include "viable/core/Error.h"
 
 namespace viable::mcap {
@@ -222,6 +223,7 @@ bool McapFile::next() {
         }
         addToDataCrc();
         if (opcode_ == kMessage) return true;
+        WorkShare::tell(file_.c_str(), static_cast<double>(position_) / static_cast<double>(size_));
         within([&] { readChunk(); });
     }
 }

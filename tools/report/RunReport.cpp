@@ -10,6 +10,7 @@
 
 #include "core/Text.h"
 #include "core/WholeFile.h"
+#include "experiment/RunningCase.h"
 #include "log/LogMetadata.h"
 #include "realtime/LatencyHistogram.h"
 #include "records/LogReader.h"
@@ -74,8 +75,8 @@ constexpr const char* kDerivatives[] = {"real_qdd", "real_jerk"};
 /** Columns that only some logs have, by name: what pushes the real arm from outside. */
 constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
 constexpr std::size_t kTracksPerJoint = kExternal + 1;
-/** Of the whole arm, after those of the joints: clearance, pressing force. */
-constexpr std::size_t kArmTracks = 2;
+/** Of the whole arm, after those of the joints: clearance, pressing force, distance of each arm's tool from its command. */
+constexpr std::size_t kArmTracks = 4;
 
 /** What the replay shows of a tick's clearance, in this order. */
 const LimitReport& getNearest(const TickRecord& r) {
@@ -178,6 +179,15 @@ std::vector<json> readConstants(const LogMetadata& metadata, std::size_t n) {
     return joints;
 }
 
+/** Where the real arm's tool is; empty: there is no such arm, or its robot's folder is not there any more. */
+std::function<Pose(const JointVector&)> findTool(const LogReader& reader, const LogMetadata& metadata) {
+    try {
+        if (reader.layout().hasRealPlant) return makeToolCalculator(loadRobot(metadata.robot));
+    } catch (const Error&) {
+    }
+    return nullptr;
+}
+
 /** Everything of one log that the page shows. */
 class CaseData {
 public:
@@ -188,8 +198,10 @@ public:
           constants_(readConstants(metadata, reader.layout().jointNames.size())),
           hasEnvironment_(reader.layout().limits.has(LimitKind::Clearance)),
           hasContact_(reader.layout().hasContact),
+          hasToolCommand_(reader.layout().commandSpace == MotionCommand::Space::Tool),
           links_(metadata.links.value_or(std::vector<std::string>())),
           obstacles_(metadata.obstacles.value_or(std::vector<std::string>())),
+          calcTool_(findTool(reader, metadata)),
           tracks_(reader.layout().jointNames.size() * kTracksPerJoint + kArmTracks),
           limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
           status_(1, detail::CodeTracks::Join::Largest),
@@ -216,6 +228,7 @@ public:
         lastVelocity_ = r.real.qd;
         if (hasEnvironment_) addClearance(r);
         if (hasContact_) addContact(r.contact, r.time_s);
+        if (hasToolCommand_) addTool(r);
         tracks_.add(values_);
         limits_.add(actives_);
         status_.add({toCode(r.status)});
@@ -268,6 +281,9 @@ public:
                               {"peak_obstacle", hardest_.obstacle},
                               {"last_N", values_[contactTrack()]}};
         }
+        if (hasToolCommand_)
+            one["tool"] = {{"nominal", describeArray(toolTrack(), block)},
+                           {"real", calcTool_ ? describeArray(toolTrack() + 1, block) : json(nullptr)}};
         if (!hasEnvironment_) return one;
         one["replay"]["rest"] = block.add(rest_.data());
         one["replay"]["nearest"] = block.add(nearest_.data());
@@ -290,6 +306,13 @@ private:
     }
     std::size_t clearanceTrack() const { return index(n_, 0); }
     std::size_t contactTrack() const { return index(n_, 1); }
+    std::size_t toolTrack() const { return index(n_, 2); }
+    void addTool(const TickRecord& r) {
+        const auto calcDistance = [&](const Pose& tool) { return (tool.position - r.command.tool.position).norm(); };
+        values_[toolTrack()] = calcDistance(r.tool);
+        if (calcTool_)
+            values_[toolTrack() + 1] = calcDistance(calcTool_(r.actual.q.size() == n_ ? r.actual.q : r.real.q));
+    }
     void addPose(detail::Samples& samples, const JointVector& q) {
         pose_.resize(static_cast<std::size_t>(n_));
         for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
@@ -359,8 +382,9 @@ private:
     bool hasRealArm_;
     std::vector<const LogColumn*> external_;  // one per joint, or none
     std::vector<json> constants_;             // of each joint
-    bool hasEnvironment_, hasContact_;
-    json links_, obstacles_;  // names
+    bool hasEnvironment_, hasContact_, hasToolCommand_;
+    json links_, obstacles_;                            // names
+    std::function<Pose(const JointVector&)> calcTool_;  // of the real arm; empty: nobody knows
     detail::Tracks tracks_;
     detail::CodeTracks limits_, status_;
     detail::Samples nominal_, real_, rest_, nearest_, contact_{8, detail::Samples::Keep::Largest};
@@ -439,6 +463,16 @@ std::optional<std::int64_t> countBroken(const json& one, LimitKind kind, const c
     return ticks.is_number_integer() ? std::optional(ticks.get<std::int64_t>()) : std::nullopt;
 }
 
+/** How far an arm was from its command, RMS. @param arm  "" or "real_" */
+std::string formatCommandError(const json& one, const std::string& arm, const char* unit) {
+    const auto find = [&](const char* key) { return one.value(arm + key, json(nullptr)); };
+    const json tool = find("tool_error_rms_m"), angle = find("tool_error_rms_rad"),
+               joints = find("command_error_rms_rad");
+    if (tool.is_number() && angle.is_number())
+        return format("%.3g mm, %.3g\u00b0", 1e3 * tool.get<double>(), angle.get<double>() / kDegree);
+    return joints.is_number() ? format("%.3g %s", 1e3 * joints.get<double>(), unit) : "-";
+}
+
 /** The comparison of the cases, from summary.json. @param joints  of the robot, as the page has them */
 json describeTable(const json& summary, const std::vector<fs::path>& logs, const json& joints) {
     const char* const unit = getSharedUnit(joints);
@@ -446,10 +480,11 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
     std::string missing;
     const json cases = summary.value("cases", json::array());
     std::vector<LimitKind> shown = {LimitKind::Clearance};
-    json columns = {
-        "case",    "filter",     "position",        "velocity",           "acceleration",         "jerk",
-        "outside", "infeasible", "changed",         "real - nominal RMS", "real - nominal max",   "command error",
-        "chatter", "collisions", "least clearance", "collisions, real",   "least clearance, real"};
+    json columns = {"case", "filter", "command error", "command error, real"};
+    for (const char* name : {"position", "velocity", "acceleration", "jerk", "outside", "real - nominal max",
+                             "real - nominal RMS", "infeasible", "changed", "chatter", "collisions", "least clearance",
+                             "collisions, real", "least clearance, real"})
+        columns.push_back(name);
     const auto isCounted = [&](LimitKind kind) {
         return std::any_of(cases.begin(), cases.end(),
                            [&](const json& one) { return countBroken(one, kind, "nominal").has_value(); });
@@ -472,7 +507,8 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
         const bool hasLog =
             std::any_of(logs.begin(), logs.end(), [&](const fs::path& log) { return getCase(log) == name; });
         if (!hasLog) missing += (missing.empty() ? " Without a log here: " : ", ") + name;
-        json row = json::array({one.value("name", ""), one.value("filter", "")});
+        json row = json::array({one.value("name", ""), one.value("filter", ""), formatCommandError(one, "", unit),
+                                formatCommandError(one, "real_", unit)});
         for (const char* quantity : {"position", "velocity", "acceleration", "jerk"}) {
             double worst = 0.0;
             bool exists = false, isEndless = false;
@@ -489,15 +525,14 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
             for (const auto& joint : quantity.value().items())
                 outside += joint.value().value("ticks_outside", std::int64_t{0});
         row.push_back(std::to_string(outside));
+        const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
+        for (const char* key : {"max_rad", "rms_rad"})
+            row.push_back(tracking.is_object() ? detail::formatPlain(1e3 * tracking.value(key, 0.0)) + " " + unit
+                                               : "-");
         row.push_back(std::to_string(one.value("infeasible_ticks", std::int64_t{0})));
         const double changed = one.value("changed_share", kNan);
         row.push_back(std::isnan(changed) ? "-" : format("%.1f %%", 100.0 * changed));
-        const json& tracking = one.contains("tracking") ? one["tracking"] : json(nullptr);
-        row.push_back(tracking.is_object() ? format("%.3g %s", 1e3 * tracking.value("rms_rad", 0.0), unit) : "-");
-        row.push_back(tracking.is_object() ? format("%.3g %s", 1e3 * tracking.value("max_rad", 0.0), unit) : "-");
-        const json command = one.value("command_error_rms_rad", json(nullptr)),
-                   chatter = one.value("chatter", json(nullptr));
-        row.push_back(command.is_number() ? format("%.4g %s", 1e3 * command.get<double>(), unit) : "-");
+        const json chatter = one.value("chatter", json(nullptr));
         row.push_back(chatter.is_number() ? format("%.3g %%", 100.0 * chatter.get<double>()) : "-");
         for (const LimitKind kind : shown) {
             const bool isLength = kind == LimitKind::Clearance;
@@ -519,20 +554,21 @@ json describeTable(const json& summary, const std::vector<fs::path>& logs, const
         }
         rows.push_back(row);
     }
-    return {{"columns", columns},
-            {"rows", rows},
-            {"note",
-             std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
-                         "infeasible: ticks ") +
-                 "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
-                 "distance of the nominal joints to the commanded positions within the limits; chatter: RMS jerk of "
-                 "joints pressed against a position limit at rest, in percent of the jerk limit." +
-                 (isCounted(LimitKind::Clearance)
-                      ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
-                        "in the whole run, as found afterwards without the filter."
-                      : "") +
-                 (hasContact ? " touched: by the real arm, where it presses hardest." : "") +
-                 (missing.empty() ? "" : missing + ".")}};
+    return {
+        {"columns", columns},
+        {"rows", rows},
+        {"note",
+         std::string("Worst use of each limit by the nominal arm. outside: joint-ticks beyond any limit; "
+                     "infeasible: ticks ") +
+             "without an admissible choice; changed: share of ticks that the filter changed; command error: RMS "
+             "distance of the tool, or of the joints, to the commanded ones within the limits; chatter: RMS jerk of "
+             "joints pressed against a position limit at rest, in percent of the jerk limit." +
+             (isCounted(LimitKind::Clearance)
+                  ? " collisions: ticks in which the arm touches an obstacle or itself; least clearance: "
+                    "in the whole run, as found afterwards without the filter."
+                  : "") +
+             (hasContact ? " touched: by the real arm, where it presses hardest." : "") +
+             (missing.empty() ? "" : missing + ".")}};
 }
 
 /** The cases' resolved files in one: what stands before the cases once, as far as it is the same. */
@@ -731,6 +767,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         one["kept"] = one["ok"];
         one["ok"] = one["ok"].get<bool>() && known.value("shortcomings", json::array()).empty();
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
+        one["sentence"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("sentence", "");
         one["details"] = known.value("account", "");
         if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};

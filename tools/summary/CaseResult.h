@@ -50,13 +50,24 @@ struct CaseResult {
 /** True when exit code `a` tells of something graver than `b`: 3, 6, 4, 5, 2, then 0. */
 bool isGraver(int a, int b);
 
-/** One line per case: worst use of each limit, ticks outside, empty ticks, tracking error, time per tick. */
+/** A table of at most 100 columns, one line per case: did it follow, did it keep its limits, what did the real arm do? */
 std::string formatComparison(const std::vector<CaseResult>& results);
 
 /** The cases from best to worst: ticks outside each limit, ticks without a choice, tracking of the command, chatter, time.
 Only cases that differ in nothing but the filter have a place, the largest set of such; the others stand below, with what
 else differs. Empty where there are no two of them. */
 std::string formatRanking(const std::vector<CaseResult>& results);
+
+enum class Gravity : unsigned char { Good, Doubtful, Broken, Failed };
+struct CaseSentence {
+    Gravity gravity;  ///< of its worst
+    std::string text;
+};
+/** How a case went, in one sentence, the worst first: did it follow, keep its limits, and what did the real arm do? */
+CaseSentence tellCase(const CaseResult& result);
+
+/** The cases in one line, best first, where they have one command and robot; else empty. */
+std::string formatOrder(const std::vector<CaseResult>& results);
 
 /** What is not as a user wants it though the limits may hold, each in one line with its remedy: a real arm that does not
 follow, motors at their limits, a tool or a joint that misses its command or swings about it, joints that chatter at a limit. */
@@ -69,8 +80,9 @@ std::string formatVerdict(const CaseResult& result);
 that show after a run only; empty: none. */
 std::string formatBreach(const CaseResult& result);
 
-/** The whole account of one case in about ten lines. */
+/** The whole account of one case in about ten lines, and what the words in it mean. */
 std::string formatDetails(const CaseResult& result);
+extern const char* const kAccountLegend;
 
 /** All cases as JSON, for summary.json. @param title, experiment  the file's, and where it is */
 std::string writeSummaryJson(const std::string& title, const std::filesystem::path& experiment,

@@ -64,6 +64,7 @@ json describe(const CaseResult& r) {
                 {"holds_on_real", r.holdsOnReal},
                 {"interventions", describeInterventions(r.summary)},
                 {"controller", r.controller},
+                {"sentence", tellCase(r).text},
                 {"verdict", formatVerdict(r)},
                 {"shortcomings", findProblems(r)},
                 {"account", formatDetails(r)},

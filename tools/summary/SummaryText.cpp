@@ -9,23 +9,22 @@
 
 namespace viable {
 
+const char* const kAccountLegend =
+    R"(worst use: largest share of a limit that the nominal arm used, in any tick. outside: joint-ticks beyond a limit, not
+counting those while recovering. infeasible: ticks in which the filter had no admissible choice.
+acted N times = in N episodes; joint-s = their seconds, summed over the joints; the limit named is the one that
+bound the joint's own choice. torque removed: desired minus filtered, whatever the cause (other joints' limits through
+coupling and the lag gamma, too). least margin: smallest distance to a position limit along a tick and the stop after it;
+negative: beyond. unviable ticks: the state after them was not viable (no stop within the limits was found). Times are
+this machine's, not real-time.
+)";
+
 namespace {
 
 using detail::addItem;
 using detail::format;
 using detail::formatPercent;
 using detail::formatPlain;
-
-/** Explains the words of the table and of the lines below it. */
-const char* const kLegend =
-    R"(worst use: largest share of a limit that the nominal arm used, in any tick. outside: joint-ticks beyond a limit, not
-counting those while recovering. infeasible: ticks in which the filter had no admissible choice. changed:
-ticks in which the filter changed the motion. Times are this machine's, not real-time.
-Below: acted N times = in N episodes; joint-s = their seconds, summed over the joints; the limit named is the one that
-bound the joint's own choice. torque removed: desired minus filtered, whatever the cause (other joints' limits through
-coupling and the lag gamma, too). least margin: smallest distance to a position limit along a tick and the stop after it;
-negative: beyond. unviable ticks: the state after them was not viable (no stop within the limits was found).
-)";
 
 /** Milliradians in plain numbers as long as those are readable; "-" where there is no number. */
 std::string formatMrad(double rad) {
@@ -445,56 +444,179 @@ std::string formatLive(const LiveTiming& live) {
 
 }  // namespace
 
+namespace {
+
+/** "the arm collided": of the first guarantee that was broken; empty: none was. */
+std::string nameBroken(const CaseResult& r) {
+    for (const LimitAccount& account : r.summary.accounts())
+        if (r.brokenGuarantees().has(account.kind)) return getLimitRow(account.kind).broken;
+    return "";
+}
+
+/** What ended a run, or broke a guarantee; empty: nothing. */
+std::string formatEnd(const CaseResult& r) {
+    if (r.stopReason == StopReason::GuaranteeBroken) return "guarantee broken, the arm was stopped";
+    if (r.isRealGuaranteeBroken()) return "guarantee on the real arm broken";
+    if (const std::string broken = nameBroken(r); !broken.empty()) return "guarantee broken, " + broken;
+    if (r.stopReason == StopReason::TrackingLost) return "tracking lost, the arm was stopped";
+    if (r.stopReason == StopReason::NotFollowing) return "the real arm did not follow, and the nominal one was stopped";
+    return r.stopReason == StopReason::None ? "" : "stopped early";
+}
+
+/** "11.7 mrad": of all joints together. */
+std::string formatThousandths(const Summary& s, double x) {
+    return (x < 1e-6 ? "< 0.001" : formatPlain(1e3 * x)) + " " + choose(findSliding(s), "mrad", "mrad, mm", "mm");
+}
+
+/** "42.5 mm 5.03 deg": how far an arm was from its command, RMS; empty: there is none. */
+std::string formatCommandError(const Summary& s, bool isReal) {
+    const ToolErrorRecord& tool = isReal ? s.realToolError() : s.toolError();
+    if (!std::isnan(tool.rms())) return format("%.3g mm %.3g deg", 1e3 * tool.rms(), tool.angleRms() / kDegree);
+    const double error = isReal ? s.realCommandErrorRms() : s.commandErrorRms();
+    if (std::isnan(error) || (isReal && !s.hasRealPlant())) return "";
+    return formatThousandths(s, error);
+}
+
+bool hasKeptLimits(const CaseResult& r, bool isReal) {
+    const Summary& s = r.summary;
+    bool isKept = isReal ? formatRealExcesses(s, &Summary::realLimit).empty() : !s.anyLimitBroken() && !s.endsOutside();
+    for (const LimitAccount& account : s.accounts())
+        isKept &= isReal ? !account.real || account.real->brokenTicks == 0 : account.nominal.brokenTicks == 0;
+    return isKept;
+}
+
+/** "jerk 66667 %" */
+std::string formatWorstUse(const Summary& s) {
+    LimitKind worst = LimitKind::None;
+    const auto use = [&](LimitKind kind) { return s.limit(kind)[s.worstJoint(kind)].worstUse; };
+    for (const LimitKind kind : kNominalKinds)
+        if (hasLimit(s, kind) && (worst == LimitKind::None || use(kind) > use(worst))) worst = kind;
+    if (worst == LimitKind::None) return "no limit";
+    return (worst == LimitKind::Acceleration ? "accel." : getName(worst, LimitSide::Neither)) +
+           (" " + formatPercent(use(worst))) + " %";
+}
+
+/** What is in parentheses, remedies and figures, is left to the account. */
+std::string dropParentheses(const std::string& text) {
+    std::string shorter;
+    int depth = 0;
+    for (const char c : text) {
+        depth += c == '(';
+        if (depth == 0) shorter += c;
+        if (depth == 1 && c == '(' && !shorter.empty() && shorter.back() == ' ') shorter.pop_back();
+        depth -= c == ')' && depth > 0;
+    }
+    return shorter;
+}
+
+}  // namespace
+
 std::string formatComparison(const std::vector<CaseResult>& results) {
-    const bool anyBound = std::any_of(results.begin(), results.end(),
-                                      [](const CaseResult& r) { return r.summary.reference().bound.has_value(); });
-    const Sliding sliding = findSliding(results);
-    const std::string column = anyBound ? format(" %8s", "of bound") : "";
-    std::string headings, arms, legend;
-    std::vector<LimitKind> shown;  // limits of the whole arm with a column
+    constexpr std::size_t kMostColumns = 100, kLongestName = 24;
+    std::vector<std::string> rows(results.size() + 2);
+    /** Adds a column where it tells something and there is room for it. */
+    const auto add = [&](const char* head, const char* second, const auto& tell) {
+        std::vector<std::string> cells{head, second};
+        for (const CaseResult& r : results) cells.push_back(tell(r));
+        std::size_t width = 0;
+        for (const std::string& cell : cells) width = std::max(width, cell.size());
+        const bool isFirst = rows[0].empty();
+        if (std::all_of(cells.begin() + 2, cells.end(), [](const std::string& cell) { return cell.empty(); }) ||
+            (!isFirst && rows[0].size() + 2 + width > kMostColumns))
+            return false;
+        for (std::size_t i = 0; i < rows.size(); ++i)
+            rows[i] += format(isFirst ? "%-*s" : "  %*s", static_cast<int>(width),
+                              cells[i].empty() && i > 1 ? "-" : cells[i].c_str());
+        return true;
+    };
+    const auto addOfReal = [&](const char* head, const char* second, const auto& tell) {
+        return add(head, second,
+                   [&](const CaseResult& r) { return r.summary.hasRealPlant() ? tell(r) : std::string(); });
+    };
+    add("", "case", [](const CaseResult& r) {
+        return r.name.size() > kLongestName ? r.name.substr(0, kLongestName - 1) + "~" : r.name;
+    });
+    add("nominal, from", "its command", [](const CaseResult& r) { return formatCommandError(r.summary, false); });
+    addOfReal("real, from", "its command", [](const CaseResult& r) { return formatCommandError(r.summary, true); });
+    add("nominal", "limits", [](const CaseResult& r) { return hasKeptLimits(r, false) ? "kept" : "BROKEN"; });
+    const bool hasReal = addOfReal("real off", "nominal by", [](const CaseResult& r) {
+        return formatThousandths(r.summary, r.summary.trackingMax());
+    });
+    addOfReal("real", "limits",
+              [](const CaseResult& r) { return std::string(hasKeptLimits(r, true) ? "kept" : "passed"); });
+    add("STOPPED", "at",
+        [](const CaseResult& r) { return r.stopReason == StopReason::None ? "" : format("%.3f s", r.stopTime_s); });
+    std::string legend = "nominal: the ideal arm, which the filter moves. from its command: RMS. ";
+    if (hasReal) legend += "off by: the largest of a joint. ";
     for (const LimitKind kind : listCounted(results)) {
         const LimitRow& row = getLimitRow(kind);
         if (row.heading == "-") continue;
-        shown.push_back(kind);
-        headings += format(" %-19s |", row.heading.c_str());
-        arms += format(" %9s %9s |", "nominal", "real");
-        legend += row.headingLegend;
+        const bool isShown = add(row.heading.c_str(), "nominal / real", [&](const CaseResult& r) {
+            const LimitAccount* const account = r.summary.account(kind);
+            return !account ? ""
+                            : formatWorstOf(row, &account->nominal) + " / " +
+                                  formatWorstOf(row, account->real ? &*account->real : nullptr);
+        });
+        if (isShown) legend += row.headingLegend;
     }
-    const int width = static_cast<int>(19 + column.size());
-    std::string text = format("%-16s | %-35s | %-27s | %-*s |%s %s\n", "", "worst use of the limit [%]",
-                              "ticks (outside: per joint)", width, "real - nominal", headings.c_str(), "tick [us]");
-    text += format("%-16s | %8s %8s %8s %8s | %8s %10s %7s | %9s %9s%s |%s %6s %6s\n", "case", "position", "velocity",
-                   "accel.", "jerk", "outside", "infeasible", "changed",
-                   choose(sliding, "RMS[mrad]", "RMS[1e-3]", "RMS[mm]"),
-                   choose(sliding, "max[mrad]", "max[1e-3]", "max[mm]"), column.c_str(), arms.c_str(), "median", "p99");
-    text += std::string(122 + column.size() + headings.size(), '-') + "\n";
-    for (const CaseResult& r : results) {
-        const Summary& s = r.summary;
-        const auto use = [&](LimitKind kind) {
-            return hasLimit(s, kind) ? formatPercent(s.limit(kind)[s.worstJoint(kind)].worstUse) : "no limit";
+    if (add("largest use", "of a limit", [](const CaseResult& r) { return formatWorstUse(r.summary); }))
+        legend += "largest use: by the nominal arm.";
+    rows.insert(rows.begin() + 2, std::string(rows[0].size(), '-'));
+    return detail::join(rows, "\n") + "\n" + detail::wrap(legend) + "\n";
+}
+
+CaseSentence tellCase(const CaseResult& r) {
+    const Summary& s = r.summary;
+    std::vector<std::pair<Gravity, std::string>> parts;
+    const auto add = [&](Gravity gravity, const std::string& text) {
+        if (!text.empty()) parts.emplace_back(gravity, text);
+    };
+    const std::string end = formatEnd(r);
+    add(r.stopReason == StopReason::Requested ? Gravity::Doubtful : Gravity::Failed, dropParentheses(r.stopMessage));
+    if (r.stopMessage.empty() || r.exitCode() == static_cast<int>(ErrorKind::GuaranteeBroken))
+        add(Gravity::Failed, end);
+    if (!r.logError.empty()) add(Gravity::Failed, "the log was not written to its end");
+    bool isTold = false, follows = true;
+    for (const std::string& problem : findProblems(r)) {
+        add(Gravity::Doubtful, dropParentheses(problem));
+        isTold |= problem.find(" its command") != std::string::npos;
+        follows &= problem.find("does not follow") == std::string::npos;
+    }
+    const std::string error = formatCommandError(s, false), realError = formatCommandError(s, true);
+    if (!isTold && !error.empty())
+        add(Gravity::Good, "the arm was " + error + " from its command, RMS" +
+                               (realError.empty() ? "" : " (the real one " + realError + ")"));
+    const bool isKept = !s.anyLimitBroken() && !s.endsOutside();
+    add(isKept ? Gravity::Good : Gravity::Broken,
+        isKept && s.recoveringTicks() == 0 ? std::string("the nominal arm kept its joints' limits, ") +
+                                                 (r.guarantees.hasJoints() ? "as guaranteed" : "without a guarantee")
+                                           : "nominal arm: " + formatVerdict(s));
+    for (const LimitAccount& account : s.accounts()) {
+        const LimitRow& row = getLimitRow(account.kind);
+        const auto addArm = [&](const char* arm, const ArmLimitRecord& record) {
+            if (record.brokenTicks > 0)
+                add(record.violatedTicks > 0 ? Gravity::Broken : Gravity::Doubtful,
+                    tellBroken(account.kind, row.verdict, arm, record));
+            return record.brokenTicks == 0;
         };
-        const double modified = 100.0 * s.changedShare();
-        std::string ofBound = anyBound ? format(" %8s", "-") : "";
-        if (s.reference().bound)
-            ofBound = format(" %6s %%", formatPercent(s.boundShare(LimitKind::Position, s.worstBoundJoint())).c_str());
-        std::string worst;
-        for (const LimitKind kind : shown) {
-            const LimitRow& row = getLimitRow(kind);
-            const LimitAccount* const account = s.account(kind);
-            worst += format(" %9s %9s |", formatWorstOf(row, account ? &account->nominal : nullptr).c_str(),
-                            formatWorstOf(row, account && account->real ? &*account->real : nullptr).c_str());
-        }
-        text += format("%-16s | %8s %8s %8s %8s | %8lld %10lld %5.1f %% | %9s %9s%s |%s %6.1f %6.1f\n", r.name.c_str(),
-                       use(LimitKind::Position).c_str(), use(LimitKind::Velocity).c_str(),
-                       use(LimitKind::Acceleration).c_str(), use(LimitKind::Jerk).c_str(),
-                       static_cast<long long>(countOutside(s)),
-                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), modified,
-                       s.hasRealPlant() ? formatMrad(s.trackingRms()).c_str() : "-",
-                       s.hasRealPlant() ? formatMrad(s.trackingMax()).c_str() : "-", ofBound.c_str(), worst.c_str(),
-                       s.tickTime().calcQuantile_us(0.5), s.tickTime().calcQuantile_us(0.99));
-        if (r.stopReason != StopReason::None) text.insert(text.size() - 1, format("  STOPPED at %.3f s", r.stopTime_s));
+        const bool isNominalKept = addArm("nominal", account.nominal);
+        if ((!account.real || addArm("real", *account.real)) && isNominalKept) add(Gravity::Good, row.kept);
     }
-    return text + kLegend + legend + (sliding == Sliding::Some ? "1e-3: mrad, and mm of joints that slide.\n" : "");
+    if (s.hasRealPlant()) {
+        const std::string passed = formatRealExcesses(s, &Summary::realLimit);
+        std::string text = "the real arm ";
+        if (follows)
+            text += "stayed within " + formatThousandths(s, s.trackingMax()) + " of the nominal one " +
+                    (passed.empty() ? "and " : "but ");
+        add(passed.empty() ? Gravity::Good : Gravity::Doubtful,
+            text + (passed.empty() ? "kept its limits" : "passed limits: " + passed));
+    }
+    if (!r.assumed.empty()) add(Gravity::Good, format("%zu figures of the robot are assumed", r.assumed.size()));
+    std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    CaseSentence sentence{parts.front().first, ""};
+    for (const auto& part : parts) addItem(sentence.text, part.second, "; ");
+    sentence.text += ".";
+    return sentence;
 }
 
 /** Of joint commands [rad], or of tool commands [m]: a case has one of them, and cases of one kind are compared. */
@@ -502,7 +624,7 @@ double getCommandError(const Summary& s) {
     return std::isnan(s.toolErrorRms()) ? s.commandErrorRms() : s.toolErrorRms();
 }
 
-std::string formatCommandError(const Summary& s) {
+std::string formatRanked(const Summary& s) {
     return formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
 }
 
@@ -520,6 +642,47 @@ std::string listDifferences(const CaseResult& a, const CaseResult& b) {
     return list;
 }
 
+/** The kinds of limits of the whole arm that cases are ranked by, the first one first. */
+std::vector<LimitKind> listRanking(const std::vector<CaseResult>& results) {
+    std::vector<LimitKind> ranking = listCounted(results);
+    ranking.erase(
+        std::remove_if(ranking.begin(), ranking.end(), [](LimitKind k) { return getLimitRow(k).ranked.empty(); }),
+        ranking.end());
+    std::reverse(ranking.begin(), ranking.end());
+    return ranking;
+}
+
+/** Less is better. What stopped early comes last, whatever it kept until then; no number comes after every number. */
+auto rankCase(const CaseResult& r, const std::vector<LimitKind>& ranking, double error) {
+    std::vector<std::int64_t> broken;
+    for (const LimitKind kind : ranking) broken.push_back(countBroken(r.summary, kind));
+    return std::make_tuple(r.stopReason != StopReason::None, broken, countOutside(r.summary),
+                           r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
+                           std::isnan(error) ? 0.0 : error);
+}
+
+std::string formatOrder(const std::vector<CaseResult>& results) {
+    const auto isSame = [&](const char* key) {
+        return std::all_of(results.begin(), results.end(), [&](const CaseResult& r) {
+            const auto mine = r.others.find(key), first = results.front().others.find(key);
+            return mine != r.others.end() && first != results.front().others.end() && mine->second == first->second;
+        });
+    };
+    if (results.size() < 2 || !isSame("command") || !isSame("robot")) return "";
+    const std::vector<LimitKind> ranking = listRanking(results);
+    const auto rank = [&](const CaseResult* r) {
+        const Summary& s = r->summary;
+        const double tool = s.realToolError().rms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
+        return rankCase(*r, ranking, !std::isnan(tool) ? tool : !std::isnan(joints) ? joints : getCommandError(s));
+    };
+    std::vector<const CaseResult*> order;
+    for (const CaseResult& r : results) order.push_back(&r);
+    std::stable_sort(order.begin(), order.end(), [&](const auto* a, const auto* b) { return rank(a) < rank(b); });
+    std::string text;
+    for (const CaseResult* r : order) addItem(text, r->name);
+    return "best first (limits of the nominal arm kept, then nearest to the command): " + text;
+}
+
 std::string formatRanking(const std::vector<CaseResult>& results) {
     // The largest set of cases that are equal but for the filter; of equally large ones the first.
     const auto isEqual = [](const CaseResult& a, const CaseResult& b) { return a.others == b.others; };
@@ -534,20 +697,8 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     if (!model) return {};
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
-    std::vector<LimitKind> ranking = listCounted(results);
-    ranking.erase(
-        std::remove_if(ranking.begin(), ranking.end(), [](LimitKind k) { return getLimitRow(k).ranked.empty(); }),
-        ranking.end());
-    std::reverse(ranking.begin(), ranking.end());
-    // What stopped early comes last, whatever it kept until then; no number comes after every number.
-    const auto rank = [&](const CaseResult& r) {
-        const double error = getCommandError(r.summary);
-        std::vector<std::int64_t> broken;
-        for (const LimitKind kind : ranking) broken.push_back(countBroken(r.summary, kind));
-        return std::make_tuple(r.stopReason != StopReason::None, broken, countOutside(r.summary),
-                               r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
-                               std::isnan(error) ? 0.0 : error);
-    };
+    const std::vector<LimitKind> ranking = listRanking(results);
+    const auto rank = [&](const CaseResult& r) { return rankCase(r, ranking, getCommandError(r.summary)); };
     const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
         const bool first = isEqual(*a, *model), second = isEqual(*b, *model);
         return first != second ? first : rank(*a) < rank(*b);
@@ -567,10 +718,10 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         const bool isRanked = isEqual(*r, *model);
         text += format("%2s %-22s |", isRanked ? std::to_string(++place).c_str() : "-", r->name.c_str());
         for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
-        text += format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
-                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
-                       formatCommandError(s).c_str(), formatChatter(s).c_str(),
-                       s.stageTime(Stage::Filter).calcQuantile_us(0.5));
+        text +=
+            format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
+                   static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
+                   formatRanked(s).c_str(), formatChatter(s).c_str(), s.stageTime(Stage::Filter).calcQuantile_us(0.5));
         std::string remarks;
         for (const LimitKind kind : ranking)
             if (const std::int64_t ticks = countBroken(s, kind); ticks > 0)
@@ -594,31 +745,9 @@ than 1 joint-second of that). filter: median time of a tick.
 )";
 }
 
-namespace {
-
-/** "the arm collided": of the first guarantee that was broken; empty: none was. */
-std::string nameBroken(const CaseResult& r) {
-    for (const LimitAccount& account : r.summary.accounts())
-        if (r.brokenGuarantees().has(account.kind)) return getLimitRow(account.kind).broken;
-    return "";
-}
-
-}  // namespace
-
 std::string formatVerdict(const CaseResult& r) {
-    std::string text;
-    if (r.stopReason == StopReason::GuaranteeBroken)
-        text = "guarantee broken, the arm was stopped; ";
-    else if (r.isRealGuaranteeBroken())
-        text = "guarantee on the real arm broken; ";
-    else if (const std::string broken = nameBroken(r); !broken.empty())
-        text = "guarantee broken, " + broken + "; ";
-    else if (r.stopReason == StopReason::TrackingLost)
-        text = "tracking lost, the arm was stopped; ";
-    else if (r.stopReason == StopReason::NotFollowing)
-        text = "the real arm did not follow, and the nominal one was stopped; ";
-    else if (r.stopReason != StopReason::None)
-        text = "stopped early; ";
+    std::string text = formatEnd(r);
+    if (!text.empty()) text += "; ";
     text += formatVerdict(r.summary) + " (nominal arm; the filter guarantees " +
             (r.guarantees.hasJoints() ? "all" : "none");
     for (const LimitAccount& account : r.summary.accounts())

@@ -111,7 +111,7 @@ struct SweepStore::Impl {
         lock = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (lock < 0 || flock(lock, LOCK_EX | LOCK_NB) == 0) return;
         if (errno == EWOULDBLOCK)
-            throw badInput(folder.string(), "another sweep is writing into this folder",
+            throw badInput(folder.string(), "another run or sweep is writing into this folder",
                            "Wait for its end, or name another folder with --out.");
     }
 

@@ -367,8 +367,10 @@ std::string toChoice(const ConfigNode& node, const std::vector<std::string>& cho
 std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount, const NumberRange& range) {
     const std::string wanted = "a list of " + formatCount(minCount, maxCount);
     if (node.kind != ConfigNode::Kind::List) {
+        std::string example = "`[1";
+        for (int i = 2; i <= std::max(minCount, 1); ++i) example += ", " + std::to_string(i);
         throw badInput(node.place(), "must be " + wanted + "; it is " + describeNode(node),
-                       "Write the numbers in brackets, such as `[1, 2]`");
+                       "Write the numbers in brackets, such as " + example + "]`");
     }
     const auto count = static_cast<long long>(node.items.size());
     if (count < minCount || count > maxCount) {

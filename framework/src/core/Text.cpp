@@ -4,6 +4,7 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
+#include <sstream>
 
 #include "viable/core/JointLimits.h"
 
@@ -46,6 +47,24 @@ std::string formatPlain(double x) {
 
 void addItem(std::string& list, const std::string& item, const char* separator) {
     list += (list.empty() ? "" : separator) + item;
+}
+
+std::string wrap(const std::string& text, std::size_t indent, std::size_t begin) {
+    constexpr std::size_t kMostColumns = 100;
+    std::string lines;
+    std::istringstream words(text);
+    std::size_t column = begin;
+    for (std::string word; words >> word; column += word.size()) {
+        if (column > indent && column + 1 + word.size() > kMostColumns) {
+            lines += "\n" + std::string(indent, ' ');
+            column = indent;
+        } else if (!lines.empty()) {
+            lines += ' ';
+            ++column;
+        }
+        lines += word;
+    }
+    return lines;
 }
 
 std::string join(const std::vector<std::string>& items, const char* separator) {

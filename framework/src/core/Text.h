@@ -50,6 +50,9 @@ std::string formatPlain(double x);
 void addItem(std::string& list, const std::string& item, const char* separator = ", ");
 std::string join(const std::vector<std::string>& items, const char* separator = ", ");
 
+/** The words in lines of at most 100 columns, all but the first one indented, that one begun at column `begin`. */
+std::string wrap(const std::string& text, std::size_t indent = 0, std::size_t begin = 0);
+
 /** `by` in every place of `what` in `text`; what `by` holds is not replaced again. */
 std::string replaceAll(std::string text, const std::string& what, const std::string& by);
 

@@ -53,6 +53,12 @@ void replaceFile(const std::filesystem::path& file, std::string_view text) {
     whole.finish();
 }
 
+void writeNew(const std::filesystem::path& file, std::string_view text) {
+    detail::WholeFile whole(file);
+    whole.write(text);
+    whole.finish();
+}
+
 void refuseExisting(const std::string& option, const std::filesystem::path& file) {
     std::error_code error;
     if (std::filesystem::exists(std::filesystem::symlink_status(file, error)))

@@ -15,6 +15,9 @@ std::optional<std::string> readWhole(const std::filesystem::path& file);
 (LogNotWritten). */
 void replaceFile(const std::filesystem::path& file, std::string_view text);
 
+/** The same for a file that must be new: of two writers the second one is refused (BadInput). */
+void writeNew(const std::filesystem::path& file, std::string_view text);
+
 /** Refuses a place for a new file where something is already. @param option  that named it. Throws Error (BadInput). */
 void refuseExisting(const std::string& option, const std::filesystem::path& file);
 

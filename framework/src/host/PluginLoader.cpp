@@ -560,7 +560,7 @@ PluginInfo load(const fs::path& path, std::optional<PluginKind> wanted, double t
     if (!fs::is_directory(file) && !guaranteed)
         throw Refusal{"its file name is not " + expected.string() +
                           " with the kind command, controller, filter, robust_loop or plant",
-                      "Rename the file to what the plugin is"};
+                      "Where it is a plugin, rename the file to what it is; `viable plugins` lists those there are"};
     if (wanted && guaranteed && guaranteed->kind != *wanted)
         throw Refusal{std::string("a ") + getName(*wanted) + " is asked for and this is a " + getName(guaranteed->kind),
                       "Name a library viable_" + std::string(getName(*wanted)) + "_<name>.so"};
@@ -790,7 +790,8 @@ std::vector<PluginInfo> PluginLoader::list(std::vector<RefusedLibrary>& refused)
         for (const fs::path& file : listFolder(folder)) {
             const std::optional<LibraryName> name = parseFileName(file.filename());
             if (!name) {
-                refuse(file, {"its file name is not viable_<kind>_<name>.so", "Rename the file to what the plugin is"});
+                refuse(file, {"its file name is not viable_<kind>_<name>.so",
+                              "Where it is a plugin, rename the file to what it is"});
                 continue;
             }
             std::vector<fs::path>& files = byName[{name->kind, name->name}];

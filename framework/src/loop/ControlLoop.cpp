@@ -33,6 +33,12 @@ constexpr char kOnJump[] =
 constexpr char kOnStillness[] =
     "Check the encoder, its wiring and the brake, or see what the joint ran against. Where it only sticks, give its "
     "dry friction and its encoder's counts in actuation.yaml. The robust loop was not given its readings any more.";
+constexpr char kOnKnownStillness[] =
+    "Check the encoder, its wiring and the brake, or see what the joint ran against. Where it only sticks, its dry "
+    "friction is larger than actuation.yaml says. The robust loop was not given its readings any more.";
+const char* explainStillness(const RunSetup& setup, int joint) {
+    return setup.robot.actuation.friction.coulomb[joint] > 0.0 ? kOnKnownStillness : kOnStillness;
+}
 constexpr char kOnLostTracking[] =
     "Find what acted on the arm then: a push, a payload, a failed sensor. State what belongs to the task in "
     "`disturbance_set`, which widens the bound.";
@@ -277,7 +283,7 @@ void ControlLoop::checkAnswers() {
                       "%.60s does not answer its motor (%.3g %s were added): its reading stands still, so its "
                       "encoder is stuck or the joint is held",
                       getJointName(setup_.robot, i), added, setup_.robot.slides(i) ? "N" : "Nm");
-        loop_.beginStop(StopReason::NotFollowing, message, kOnStillness);
+        loop_.beginStop(StopReason::NotFollowing, message, explainStillness(setup_, i));
         holdIntegral();
     }
 }
@@ -311,7 +317,7 @@ void ControlLoop::checkTracking() {
                   "%.60s was measured %.4g %s from its nominal place, beyond its bound of %.4g %s: %s",
                   getJointName(setup_.robot, i), std::abs(error[i]), unit, options_.bound->measured[i], unit, cause);
     loop_.beginStop(StopReason::TrackingLost, message,
-                    standsStill      ? kOnStillness
+                    standsStill      ? explainStillness(setup_, i)
                     : hasLeftLimits_ ? kOnLeftLimits
                                      : kOnLostTracking);
     holdIntegral();

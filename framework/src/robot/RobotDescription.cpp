@@ -383,6 +383,8 @@ fs::path findRobot(const std::string& name, const std::vector<fs::path>& searchP
         if (fs::is_directory(name, failed)) return name;
         what = fs::exists(name, failed) ? "`" + name + "` is a file, not a robot folder"
                                         : "there is no robot folder `" + name + "`";
+        if (fs::path(name).is_relative())
+            what += " in " + fs::current_path(failed).string() + ", the folder that viable was called in";
     } else {
         if (!name.empty() && name != "." && name != "..")
             for (const fs::path& folder : searchPath)

@@ -54,6 +54,29 @@ TEST(Forecast, OfAnArmThatIsWellTellsGainsAndMotorsAndWarnsOfNothing) {
     expectContains(given.gains, {"k_r, k_i from the arm's inertia, k_p given"});
 }
 
+TEST(Forecast, NumbersThatCanOnlyBeDegreesAreWarnedOfInCheckAndRun) {
+    const auto warn = [](const std::vector<std::string>& overrides, std::initializer_list<std::string> words) {
+        const Experiment experiment = readArm(overrides);
+        const CaseForecast told = forecastCase(*configureCase(experiment.cases.front()));
+        expectContains(joinWarnings(told), words);
+        const std::vector<std::string> run = makeResult(*configureCase(experiment.cases.front())).warnings;
+        ASSERT_EQ(run.size(), 1u);
+        expectContains(run[0], words);
+        EXPECT_EQ(told.warnings[0], run[0]);
+    };
+    warn({"limits.velocity_radps=120"}, {"the velocity limit of joint0 is 120 rad/s, 45.8 times the robot's own 2.62: "
+                                         "perhaps degrees; write `120*pi/180`"});
+    warn({"limits.velocity_radps=1200"}, {"458 times the robot's own 2.62: check its unit and exponent"});
+    warn({"limits.position_rad=12"}, {"the position limit of joint", "perhaps degrees; write `12*pi/180`"});
+    warn({"command={plugin: waypoints, points: [[0, 0, 0, 90, 0, 0, 0]]}", "controller={plugin: joint_servo}"},
+         {"command.points row 1: the position of joint2 is 90 rad", "perhaps degrees; write `90*pi/180`"});
+    warn({"command.reach_m=[5, 0, 0]"}, {"command.reach_m is 5 m, 3.48 times the robot's own 1.44"});
+    EXPECT_TRUE(makeResult(*configureCase(readArm().cases.front())).warnings.empty());
+    const Experiment start = readArm({"start={position_rad: [90, 0, 0, 0, 0, 0]}"});
+    expectContains(findComplaint([&] { configureCase(start.cases.front()); }),
+                   {"the start position of joint0 is 90 rad", "perhaps degrees; write `90*pi/180`"});
+}
+
 TEST(Forecast, TellsWhatIsKnownOfPeople) {
     using Lines = std::vector<std::string>;
     EXPECT_EQ(forecast().people, Lines());

@@ -197,7 +197,8 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
     expectContains(formatVerdict(result), {"; the nominal arm collided: link1 ", " mm deep in wall"});
     expectContains(formatDetails(result),
                    {"clearance     nominal: in collision in " + std::to_string(touching) + " ticks (first at "});
-    expectContains(formatComparison({result}), {"least clearance[mm]", "nominal", "real", "negative: that deep"});
+    expectContains(formatComparison({result}),
+                   {"least clearance[mm]", "nominal / real", "clearance: smallest distance"});
     const nlohmann::json json =
         nlohmann::json::parse(writeSummaryJson(e.title, e.file, {result}))["cases"][0]["collisions"];
     EXPECT_EQ(json["nominal"]["ticks_in_collision"], touching);

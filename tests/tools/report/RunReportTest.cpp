@@ -1,6 +1,7 @@
 #include "report/RunReport.h"
 
 #include "CaseSupport.h"
+#include "ExpectContains.h"
 #include "ReportSupport.h"
 #include "records/LogExport.h"
 #include "records/LogReader.h"
@@ -180,6 +181,34 @@ TEST(RunReport, ATouchOfOneTickIsInPlotReplayAndTable) {
               json({"touched", "largest force", "force at the end"}));
     EXPECT_EQ(endOf(0), json({"wall", "906 N", "5 N"}));
     EXPECT_EQ(endOf(1), json({"-", "-", "-"}));
+}
+
+TEST(RunReport, TheDistanceOfTheToolFromItsCommandIsPlottedAndFirstInTheTable) {
+    const RunFolder run(R"(schema: 1
+title: a hand
+robot: indy7
+duration_s: 0.5
+command: {plugin: generated_hand_motion, seed: 1}
+controller: {plugin: tool_servo}
+filter: {plugin: certified_braking}
+robust_loop: {plugin: nric}
+real_plant: {plugin: simbody}
+cases: {A: {}}
+)");
+    const ReadReport report = run.report();
+    const json &one = report.data["cases"][0], &table = report.data["summary"];
+    const Summary& summary = run.results[0].summary;
+    const auto largest = [&](const char* arm) {
+        const std::vector<float> plot = report.numbers(one["tool"][arm]);
+        return double(*std::max_element(plot.begin(), plot.end()));
+    };
+    EXPECT_NEAR(largest("nominal"), summary.toolErrorMax(), 1e-6);
+    EXPECT_NEAR(largest("real"), summary.realToolError().largest(), 1e-6);
+    EXPECT_EQ(one["sentence"], tellCase(run.results[0]).text);
+    EXPECT_EQ(table["columns"][2], "command error");
+    EXPECT_EQ(table["columns"][3], "command error, real");
+    EXPECT_NEAR(std::stod(table["rows"][0][2].get<std::string>()), 1e3 * summary.toolErrorRms(), 0.1);
+    expectContains(table["rows"][0][3].get<std::string>(), {" mm, ", "\u00b0"});
 }
 
 TEST(RunReport, CollisionsAreCountedInTheTable) {

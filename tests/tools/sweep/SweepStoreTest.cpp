@@ -219,7 +219,7 @@ TEST(SweepStore, HasOneWriter) {
     const Folder folder;
     const SweepStore store(folder / "s", makePlan());
     test::expectContains(test::findComplaint([&] { SweepStore(folder / "s", makePlan()); }),
-                         {"another sweep is writing"});
+                         {"another run or sweep is writing"});
     EXPECT_EQ(SweepStore(folder / "s").findRuns().size(), 0u) << "readers are welcome";
 }
 

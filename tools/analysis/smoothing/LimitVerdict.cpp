@@ -4,6 +4,7 @@
 
 #include "analysis/smoothing/Median.h"
 #include "core/Text.h"
+#include "records/WorkShare.h"
 
 namespace viable {
 
@@ -349,6 +350,7 @@ RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimi
     all.samples = record.times_s.size();
     std::string troubles;
     for (std::size_t i = 0; i < record.joints.size(); ++i) {
+        WorkShare::tell("judging", static_cast<double>(i) / static_cast<double>(record.joints.size()));
         JointVerdict joint;
         joint.name = record.joints[i].name;
         joint.isPrismatic = record.joints[i].isPrismatic;

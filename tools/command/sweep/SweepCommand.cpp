@@ -1,10 +1,9 @@
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <thread>
 
 #include "command/Commands.h"
+#include "command/Progress.h"
 #include "command/StopSignals.h"
 #include "command/sweep/SweepMpi.h"
 #include "core/Text.h"
@@ -56,60 +55,12 @@ fs::path findFolder(const CommandArguments& arguments, const Shard& shard) {
     return fs::path("runs") / name;
 }
 
-/** How far a sweep is: one line redrawn on a terminal, else a line now and then. */
-class SweepProgress {
-public:
-    SweepProgress(std::int64_t done, std::int64_t total)
-        : total_(total), done_(done), before_(done), terminal_(isatty(STDERR_FILENO) == 1) {}
-
-    void add() { ++done_; }
-    void draw(bool last = false) {
-        const auto now = Clock::now();
-        const auto interval = terminal_ ? std::chrono::milliseconds(200) : std::chrono::seconds(10);
-        if (!last && now - drawn_ < interval) return;
-        if (last && !terminal_) return;  // the summary says it
-        drawn_ = now;
-        const double elapsed_s = std::chrono::duration<double>(now - begin_).count();
-        const auto own = static_cast<double>(done_ - before_);
-        std::string left;
-        if (own > 0.0 && done_ < total_) {
-            const double left_s = elapsed_s / own * static_cast<double>(total_ - done_);
-            char text[64];
-            std::snprintf(text, sizeof text, ", %.3g runs/s, %s left", own / elapsed_s, formatTime(left_s).c_str());
-            left = text;
-        }
-        std::fprintf(stderr, "%s%lld of %lld runs (%d %%)%s%s", terminal_ ? "\r\033[K" : "",
-                     static_cast<long long>(done_), static_cast<long long>(total_),
-                     static_cast<int>(100.0 * static_cast<double>(done_) /
-                                      static_cast<double>(std::max<std::int64_t>(1, total_))),
-                     left.c_str(), terminal_ && !last ? "" : "\n");
-        std::fflush(stderr);
-    }
-    double calcRate() const {
-        return static_cast<double>(done_ - before_) /
-               std::max(1e-9, std::chrono::duration<double>(Clock::now() - begin_).count());
-    }
-    std::int64_t done() const { return done_; }
-
-private:
-    static std::string formatTime(double seconds) {
-        const auto whole = static_cast<long>(seconds + 0.5);
-        if (whole < 120) return std::to_string(whole) + " s";
-        if (whole < 7200) return std::to_string(whole / 60) + " min";
-        return std::to_string(whole / 3600) + " h " + std::to_string(whole % 3600 / 60) + " min";
-    }
-    const std::int64_t total_;
-    std::int64_t done_;
-    const std::int64_t before_;
-    const bool terminal_;
-    const Clock::time_point begin_ = Clock::now();
-    Clock::time_point drawn_ = begin_;
-};
-
 /** Stores a run as soon as all its cases are there. */
 class Collector {
 public:
-    Collector(SweepStore& store, SweepProgress& progress) : store_(store), progress_(progress) {}
+    /** @param runs  that are to come */
+    Collector(SweepStore& store, std::size_t runs, Progress& progress)
+        : store_(store), runs_(runs), progress_(progress) {}
 
     void add(SweepRow&& row) {
         std::vector<SweepRow>& rows = rows_[row.run];
@@ -118,12 +69,15 @@ public:
         if (rows.size() < store_.plan().cases.size()) return;
         store_.add(rows);
         rows_.erase(run);
-        progress_.add();
+        progress_.set(0, static_cast<double>(++done_) / static_cast<double>(runs_));
     }
+    std::int64_t done() const { return done_; }
 
 private:
     SweepStore& store_;
-    SweepProgress& progress_;
+    const std::size_t runs_;
+    std::int64_t done_ = 0;
+    Progress& progress_;
     std::map<std::int64_t, std::vector<SweepRow>> rows_;
 };
 
@@ -165,8 +119,9 @@ int runSweep(const CommandArguments& arguments) {
     std::fflush(stdout);
 
     const std::atomic<int>& stop = catchStopSignals();
-    SweepProgress progress(before, before + static_cast<std::int64_t>(runs.size()));
-    Collector collector(store, progress);
+    Progress progress({std::to_string(runs.size()) + " runs"});
+    Collector collector(store, runs.size(), progress);
+    const Clock::time_point begin = Clock::now();
     const auto onRow = [&](SweepRow&& row) { collector.add(std::move(row)); };
     const auto onLook = [&] { progress.draw(); };
     bool isWhole = true;
@@ -183,11 +138,12 @@ int runSweep(const CommandArguments& arguments) {
         std::fprintf(stderr,
                      "viable: ended early by signal %d; %lld of %lld runs are stored in %s. The same command continues "
                      "from there.\n",
-                     stop.load(), static_cast<long long>(progress.done()),
+                     stop.load(), static_cast<long long>(before + collector.done()),
                      static_cast<long long>(before + static_cast<std::int64_t>(runs.size())), store.folder().c_str());
         return 128 + stop.load();
     }
-    const double rate = progress.calcRate();
+    const double elapsed_s = std::max(1e-9, std::chrono::duration<double>(Clock::now() - begin).count());
+    const double rate = static_cast<double>(collector.done()) / elapsed_s;
     const int code = finish(store);
     if (!runs.empty()) std::printf("%.3g runs/s\n", rate);
     return code;

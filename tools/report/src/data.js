@@ -31,7 +31,7 @@
  *     "limits": [str], the names of the bits of "active",
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
- *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict": str, "ok": bool, "kept": bool,
+ *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict", "sentence" (may be empty): str, "ok": bool, "kept": bool,
  *         "stop": null | { "time_s", "message" }, "details": str (monospace text),
  *         "rows": int, "tick_s": num, "t0": 0, "step_s": num, "buckets": int,
  *         "joints": [ { "series": {
@@ -52,6 +52,8 @@
  *         "clearance" (not given: nothing stood around the arm): { "environment": int | null, "links", "obstacles": [str],
  *           "distance": ref, like a series: from what is nearest on the way through the tick and the stop [m] | null
  *           (no filter looked) },
+ *         "tool" (not given: no tool is commanded): { "nominal": ref, "real": ref | null }, like a series: its distance from the
+ *           commanded one [m],
  *         "contact" (not given: the plant does not tell what the real arm touches): { "obstacles": [str],
  *           "pressing": ref, like a series: the sum of the normal forces [N], "peak_N", "peak_s", "last_N": num, of all ticks,
  *           "peak_obstacle": int (-1: none) },
@@ -147,7 +149,7 @@ export class Case {
     const where = `cases[${index}]`;
     this.#run = run;
     this.index = index;
-    for (const key of ['name', 'filter', 'robust_loop', 'plant', 'verdict', 'details'])
+    for (const key of ['name', 'filter', 'robust_loop', 'plant', 'verdict', 'sentence', 'details'])
       this[key] = String(json[key] ?? '');
     this.guarantees = Boolean(json.guarantees);
     this.ok = Boolean(json.ok); // the limits, and the job
@@ -182,6 +184,7 @@ export class Case {
     this.#names = { links: json.clearance?.links ?? [], obstacles: (json.clearance ?? json.contact)?.obstacles ?? [] };
     if (json.clearance) this.#ofArm = { clearance: json.clearance.distance, clearance_lower: this.environment?.safety_distance_m };
     if (json.contact) this.#ofArm.pressing = json.contact.pressing;
+    if (json.tool) Object.assign(this.#ofArm, { tool_nominal: json.tool.nominal, tool_real: json.tool.real });
     for (const key of Object.keys(this.#ofArm)) this.samples(0, key);
     /** The hardest touch of the run and the force at its end [N], or null where nobody knows. */
     this.contact = json.contact && {

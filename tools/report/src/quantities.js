@@ -27,6 +27,14 @@ const thousandths = (key, label, style) => ({ key, label, style, samples: (c, jo
 /** @type {Quantity[]} */
 const QUANTITIES = [
   {
+    id: 'tool',
+    title: 'Distance of the tool from its command',
+    units: ['mm', 'mm'],
+    zero: true,
+    ofArm: true,
+    kinds: [thousandths('tool_nominal', 'nominal', NOMINAL), thousandths('tool_real', 'real', REAL)],
+  },
+  {
     id: 'position',
     title: 'Position',
     units: ['rad', 'm'],

@@ -40,6 +40,7 @@ function verdict(c) {
   const kind = c.ok ? 'ok' : c.guarantees && !c.kept ? 'bad' : 'warn';
   const mark = { ok: '✓', bad: '✗', warn: '!' }[kind];
   const guarantee = c.guarantees ? 'guarantees its limits' : 'guarantees nothing';
+  const [worst, ...others] = pretty(c.sentence || c.verdict).split('; ');
   const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');
   return el(
     'li',
@@ -49,11 +50,21 @@ function verdict(c) {
       'div',
       { class: 'verdict-text' },
       el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }),
-      el('span', { text: pretty(c.verdict), title: `The filter ${guarantee}.` }),
+      el(
+        'span',
+        { title: `The filter ${guarantee}.` },
+        worst,
+        others.length > 0 ? el('span', { class: 'verdict-rest', text: ['', ...others].join('; ') }) : null,
+      ),
     ),
-    el('div', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
-    c.contact ? el('div', { class: 'verdict-contact', text: contactText(c.contact) }) : null,
-    c.stop ? el('div', { class: 'verdict-stop', text: stopText(c.stop) }) : null,
+    el(
+      'details',
+      {},
+      el('summary', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
+      c.sentence ? el('p', { class: 'verdict-full', text: pretty(c.verdict) }) : null,
+      c.contact ? el('div', { class: 'verdict-contact', text: contactText(c.contact) }) : null,
+      c.stop ? el('div', { class: 'verdict-stop', text: stopText(c.stop) }) : null,
+    ),
   );
 }
 
@@ -103,7 +114,7 @@ export function fillSummary(host, run) {
   );
 }
 
-const NUMBER = /^\s*([-–—]|inf|no limit|[-–−+]?[\d.,]+(e[-+]?\d+)?(\s*(%|[a-zµ°]+))?)?\s*$/i;
+const NUMBER = /^\s*([-–—]|inf|no limit|[-–−+]?[\d.,]+(e[-+]?\d+)?(\s*(%|[a-zµ°]+))?(, [\d.]+°)?)?\s*$/i;
 const MEANINGS = {
   position: 'Worst use of the position limits by the nominal arm; beyond 100 % a limit is broken',
   velocity: 'Worst use of the velocity limits by the nominal arm; beyond 100 % a limit is broken',
@@ -112,7 +123,8 @@ const MEANINGS = {
   outside: 'Ticks beyond any limit, counted per joint',
   infeasible: 'Ticks without an admissible choice',
   changed: 'Share of ticks that the filter changed',
-  'command error': 'RMS distance of the nominal joints to the commanded positions within the limits',
+  'command error': 'RMS distance of the nominal tool, or of the joints, from the commanded ones within the limits',
+  'command error, real': 'The same of the real arm, as it truly was',
   chatter: 'RMS jerk of joints pressed against a position limit at rest, in percent of the jerk limit',
   collisions: 'Ticks in which the nominal arm touches an obstacle or itself',
   'collisions, real': 'Ticks in which the real arm, as it truly was, touches an obstacle or itself',
@@ -142,7 +154,7 @@ const plain = (text) => text.replace(/^\d\.?\d*e\+0[4-9](?= |$)/, (value) => Str
 function cell(run, name, text, column, isNumber) {
   if (column > 0) {
     const classes = [isNumber ? 'number' : '', isBad(name, text) ? 'bad' : ''].filter(Boolean).join(' ');
-    return el('td', { class: classes || null, text: isNumber ? plain(text) : text });
+    return el('td', { class: classes || null, 'data-label': name, text: isNumber ? plain(text) : text });
   }
   const known = run.cases.find((c) => c.name === text);
   return el('th', { scope: 'row', title: text }, known ? swatch(known.index) : null, text);

@@ -341,6 +341,12 @@ export class Verification {
         hasLeftOut ? value(joint.left_out === null ? '–' : String(joint.left_out)) : null,
       );
     });
+    const names = ['joint', ...JUDGED, 'noise', 'resolution', 'resolves', 'left out'];
+    for (const row of rows)
+      [...row.children].reduce((column, one) => {
+        if (column > 0 && one.colSpan === 1) one.dataset.label = names[column];
+        return column + one.colSpan;
+      }, 0);
     const heads = [
       head('joint'),
       ...JUDGED.map((quantity) => head(quantity)),

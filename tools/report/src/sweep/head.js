@@ -1,6 +1,7 @@
 import { button, caseToggles, el, setPressed, swatch, tellHeight } from '../dom.js';
 import { themeButton } from '../theme_button.js';
 import { isOk, OUTSIDE, prettyStatus, severity } from './data.js';
+import { quantile } from './statistics.js';
 
 /** A count with separators of thousands. */
 export const count = (n) => (n + 0).toLocaleString('en-US'); // + 0: no negative zero
@@ -90,6 +91,14 @@ function limitSentences(sweep, rows) {
     }).length;
     const text = isReal ? `the real joints kept theirs in ${count(kept)}` : `${count(kept)} of ${all} kept every limit`;
     sentences.push({ text: isReal && sentences.length === 0 ? `${text} of ${all}` : text, isGood: kept === rows.length });
+  }
+  for (const name of ['real.tool_error.rms_m', 'tool_error.rms_m', 'real.command_error.rms_rad', 'command_error.rms_rad']) {
+    const column = sweep.results.find((one) => one.name === name);
+    const errors = rows.filter((row) => column?.has(row)).map((row) => column.numbers[row]).sort((a, b) => a - b);
+    if (errors.length === 0) continue;
+    const [median, largest] = [quantile(errors, 0.5), errors.at(-1)].map((error) => column.format(error));
+    sentences.unshift({ text: `${name.startsWith('real') ? 'the real arm' : 'it'} was ${median} from its command (median, RMS of a run), at most ${largest}`, isGood: true });
+    break;
   }
   const share = sweep.results.find(({ name }) => name === 'bound.share');
   const most = rows.reduce((worst, row) => (share?.has(row) ? Math.max(worst, share.numbers[row]) : worst), -Infinity);

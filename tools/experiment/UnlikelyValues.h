@@ -1,0 +1,18 @@
+#pragma once
+
+#include "experiment/CasePlan.h"
+
+namespace viable::detail {
+
+/** What a number far from the robot's own figure may mean: degrees, or millimetres where the figure is a length. Empty: it
+is near, or there is no figure.
+@param isPlace  a position, which is sensible up to 3 times the figure; else up to a tenth of what degrees would be */
+std::string explainUnlikely(double value, double own, bool isLength, bool isPlace);
+
+/** The first number of the start that is so; empty: none. A start is refused where it is outside the limits. */
+std::string findUnlikelyStart(const CasePlan& plan);
+
+/** The limits and numbers of the command that are far from the robot's own figures, each in one line with the likely meaning. */
+std::vector<std::string> findUnlikelyValues(const CasePlan& plan);
+
+}  // namespace viable::detail
