@@ -391,6 +391,46 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
     }
 }
 
+// An arm as CAD leaves it: no masses, one tensor of no body, definitions of xacro.
+TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
+    Folder folder;
+    std::string urdf = "<robot name='poor' xmlns:xacro='x'><xacro:property name='w' value='1'/><link name='base'/>";
+    for (int i = 1; i <= 4; ++i) {
+        const std::string n = std::to_string(i), shape =
+                                                     "<visual><origin xyz='0 0 0.1'/><geometry><cylinder radius='0.03' "
+                                                     "length='0.2'/></geometry></visual>";
+        urdf +=
+            "<joint name='j" + n + "' type='revolute'><parent link='" + (i > 1 ? "l" + std::to_string(i - 1) : "base") +
+            "'/><child link='l" + n + "'/><origin xyz='0 0 0.2'/><axis xyz='" +
+            (i == 1   ? "0 0 1"
+             : i == 4 ? "1 0 0"
+                      : "0 1 0") +
+            "'/><limit lower='-2' upper='2' velocity='2' effort='0'/></joint><link name='l" + n + "'>" + shape +
+            (i == 2
+                 ? "<inertial><mass value='1'/><inertia ixx='0.001' iyy='0.001' izz='0.009' ixy='0' ixz='0' iyz='0'/>"
+                   "</inertial>"
+                 : "") +
+            "</link>";
+    }
+    urdf += "</robot>";
+    std::ofstream(folder / "poor.urdf") << urdf;
+    const Outcome refused = makeNew(folder, {"robot", "arm", "--urdf", folder / "poor.urdf"});
+    EXPECT_EQ(refused.code, 2);
+    expectContains(refused.err, {"2 things are wrong", "`viable new robot --assume` takes a mass from the shapes"});
+    EXPECT_FALSE(fs::exists(folder / "arm"));
+    const Outcome made = makeNew(folder, {"robot", "arm", "--assume", "--urdf", folder / "poor.urdf"});
+    ASSERT_EQ(made.code, 0) << made.err;
+    expectContains(made.err,
+                   {"<xacro:property> is left out", "from 0.001, 0.001, 0.009 kg m^2 to 0.00333, 0.00333, 0.00667"});
+    expectContains(made.out, {"  mass: l1 0.537 kg, l3 0.537 kg, l4 0.537 kg: the volume", "  inertia: l2: "});
+    expectContains(readFile(folder / "arm/README.md"), {"assumption: l1 0.537 kg"});
+    const std::string all = "inertia (l2), mass (l1, l3, l4), acceleration_radps2";
+    expectContains(describe(folder / "arm").out, {"Assumed, not given: " + all});
+    const Outcome ran = run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--set", "duration_s=3"});
+    EXPECT_EQ(ran.code, 0) << ran.err;
+    expectContains(ran.out, {"verdict       all limits kept", "figures of the robot that nobody gave: " + all});
+}
+
 TEST(NewRobot, AToolThatItsOnlyJointDoesNotMoveGetsNoTask) {
     Folder folder;
     std::ofstream(folder / "turn.urdf") << "<robot name='turn'><link name='base'/><link name='arm'><inertial><origin "
