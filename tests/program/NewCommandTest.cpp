@@ -422,8 +422,8 @@ TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
     ASSERT_EQ(made.code, 0) << made.err;
     expectContains(made.err,
                    {"<xacro:property> is left out", "from 0.001, 0.001, 0.009 kg m^2 to 0.00333, 0.00333, 0.00667"});
-    expectContains(made.out, {"  mass: l1 0.537 kg, l3 0.537 kg, l4 0.537 kg: the volume", "  inertia: l2: "});
-    expectContains(readFile(folder / "arm/README.md"), {"assumption: l1 0.537 kg"});
+    expectContains(made.out, {"  mass: l1 0.724 kg, l3 0.724 kg, l4 0.724 kg: the volume", "  inertia: l2: "});
+    expectContains(readFile(folder / "arm/README.md"), {"assumption: l1 0.724 kg"});
     const std::string all = "inertia (l2), mass (l1, l3, l4), acceleration_radps2";
     expectContains(describe(folder / "arm").out, {"Assumed, not given: " + all});
     const Outcome ran = run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--set", "duration_s=3"});

@@ -63,7 +63,9 @@ Eigen::Vector3d findNearestMoments(const Eigen::Vector3d& moments) {
     // A third of the excess to each, and a hair more, so that rounding does not undo it.
     const double share = std::max(0.0, moments[2] - moments[0] - moments[1] + kInertiaMargin * moments[2]) / 3.0;
     const Eigen::Vector3d near = moments + Eigen::Vector3d(share, share, -share);
-    if (near[0] > 0.0) return near;
+    const double least = kInertiaMargin * near[2];  // or the second moment would pass the sum of the others
+    if (near[0] > least) return near;
+    if (moments[0] >= 0.0 && least > 0.0) return {least, near[1], near[2]};
     const double rod = 0.5 * (moments[1] + moments[2]);
     return rod > 0.0 ? Eigen::Vector3d(kThinShare * rod, rod, rod) : Eigen::Vector3d::Zero();
 }

@@ -79,7 +79,7 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
     };
     if (const std::size_t at = text.find("<!ENTITY"); at != std::string::npos)
         throw refuse(at, "it declares an entity, which may grow without end");
-    int depth = 0;
+    int depth = 0, moving = 0;
     std::vector<std::size_t> columns;
     std::size_t line = 0, counted = 0;  // where the line begins; how far lines are counted
     for (std::size_t i = 0; i < text.size();) {
@@ -121,6 +121,13 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
         for (; counted < i; ++counted)
             if (text[counted] == '\n') line = counted + 1;
         if (!isEnd) columns.push_back(i - line + 1);
+        if (text.compare(i, 7, "<joint ") == 0) {
+            const std::string_view tag(text.data() + i, end - i);
+            moving += tag.find("type") != tag.npos && tag.find("fixed") == tag.npos ? 1 : 0;
+        }
+        if (moving > kMaxUrdfMoving)
+            throw badInput(file, "the robot has more than " + std::to_string(kMaxUrdfMoving) + " joints that move",
+                           "Take the arm out of the file; no robot has so many.");
         if (!isEnd && text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
             throw badInput(file, "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",

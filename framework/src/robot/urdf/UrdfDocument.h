@@ -20,6 +20,8 @@ compares each attribute with all others. */
 inline constexpr std::uintmax_t kMaxUrdfBytes = 4u << 20;
 inline constexpr int kMaxUrdfDepth = 64;
 inline constexpr int kMaxUrdfAttributes = 100;
+/** Most joints that move, of a robot out of which an arm may be taken. */
+inline constexpr int kMaxUrdfMoving = 1000;
 
 /** Attribute of joints and links: what of them nobody gave, words apart by blanks. */
 inline constexpr const char* kAssumed = "assumed";
