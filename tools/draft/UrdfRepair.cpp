@@ -58,14 +58,15 @@ XmlElement& demandChild(XmlElement& parent, const char* name) {
 }
 
 /** The nearest principal moments (Frobenius norm) that a body can have, of ones in ascending order that none has; zeros
-where there are none. */
-Eigen::Vector3d findNearestMoments(const Eigen::Vector3d& moments) {
+where there are none.
+@param thickens  a rod without thickness gets one */
+Eigen::Vector3d findNearestMoments(const Eigen::Vector3d& moments, bool thickens) {
     // A third of the excess to each, and a hair more, so that rounding does not undo it.
     const double share = std::max(0.0, moments[2] - moments[0] - moments[1] + kInertiaMargin * moments[2]) / 3.0;
     const Eigen::Vector3d near = moments + Eigen::Vector3d(share, share, -share);
     const double least = kInertiaMargin * near[2];  // or the second moment would pass the sum of the others
     if (near[0] > least) return near;
-    if (moments[0] >= 0.0 && least > 0.0) return {least, near[1], near[2]};
+    if (!thickens && moments[0] >= 0.0 && least > 0.0) return {least, near[1], near[2]};
     const double rod = 0.5 * (moments[1] + moments[2]);
     return rod > 0.0 ? Eigen::Vector3d(kThinShare * rod, rod, rod) : Eigen::Vector3d::Zero();
 }
@@ -463,10 +464,11 @@ private:
         const Eigen::Vector3d moments = solver.eigenvalues();
         const double excess = moments[2] - moments[0] - moments[1];
         if (assumes && read->inertia.isZero(0.0)) return leaveInertia(link, *inertial, *mass, "its inertia is zero");
-        if (moments[0] >= 0.0 && !(excess > 1e-14 * moments.sum())) return;
-        const bool isSlip = moments[0] >= 0.0 && excess < kLargestInertiaSlip * moments[2];
+        const bool isRod = assumes && std::abs(moments[0]) <= kInertiaMargin * moments[2];
+        if (!isRod && moments[0] >= 0.0 && !(excess > 1e-14 * moments.sum())) return;
+        const bool isSlip = !isRod && moments[0] >= 0.0 && excess < kLargestInertiaSlip * moments[2];
         if (!isSlip && !assumes) return;
-        const Eigen::Vector3d near = findNearestMoments(moments);
+        const Eigen::Vector3d near = findNearestMoments(moments, isRod);
         if (near.isZero(0.0))
             return leaveInertia(link, *inertial, *mass,
                                 "no body is near its principal moments " + showMoments(moments));
@@ -476,13 +478,15 @@ private:
             markAssumed(*link.element, "inertia");
             repairs_.inertias.push_back(link.name);
         }
-        note(*link.element,
-             "link " + quoteName(link.name) + ": " +
-                 (moments[0] < 0.0 ? "a principal moment of inertia was negative"
-                                   : "the largest principal moment of inertia was above the sum of the other two by " +
-                                         format("%.2g", 100.0 * excess / moments[2]) + " %") +
-                 ", which no body has; changed to the nearest tensor that one can have, from " + showMoments(moments) +
-                 " to " + showMoments(near));
+        note(
+            *link.element,
+            "link " + quoteName(link.name) + ": " +
+                (isRod              ? "a principal moment of inertia was zero, as of a rod without thickness"
+                 : moments[0] < 0.0 ? "a principal moment of inertia was negative"
+                                    : "the largest principal moment of inertia was above the sum of the other two by " +
+                                          format("%.2g", 100.0 * excess / moments[2]) + " %") +
+                ", which no body has; changed to the nearest tensor that one can have, from " + showMoments(moments) +
+                " to " + showMoments(near));
     }
 
     /** Whether a tensor lacks entries, and those that it has are numbers. */

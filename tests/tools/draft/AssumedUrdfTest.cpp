@@ -325,6 +325,7 @@ TEST(AssumedUrdf, RodsRoundedTheWrongWayAreMended) {
                 writeLink("l", writeBody("1", std::string("<inertia ixy='0' ixz='0' iyz='0' ") + moments + "/>")));
             const BodyInertia body = file.reread(readRobotDraft(path, {{}, assumes})).joints.at(0).body;
             EXPECT_EQ(detail::findInertiaFault(body.inertia, true), "") << moments << assumes;
+            EXPECT_NEAR(body.inertia(0, 0), assumes ? 0.0002 : 0.0, 1e-9);
         }
 }
 
