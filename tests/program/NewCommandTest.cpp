@@ -391,29 +391,32 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
     }
 }
 
-// An arm as CAD leaves it: no masses, one tensor of no body, definitions of xacro.
-TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
-    Folder folder;
+/** An arm as CAD leaves it: no masses, one tensor of no body, definitions of xacro. @param size  1: 0.8 m high */
+std::string makePoorUrdf(double size) {
+    const auto scale = [&](double x, int power = 1) { return std::to_string(x * std::pow(size, power)); };
     std::string urdf = "<robot name='poor' xmlns:xacro='x'><xacro:property name='w' value='1'/><link name='base'/>";
     for (int i = 1; i <= 4; ++i) {
-        const std::string n = std::to_string(i), shape =
-                                                     "<visual><origin xyz='0 0 0.1'/><geometry><cylinder radius='0.03' "
-                                                     "length='0.2'/></geometry></visual>";
+        const std::string n = std::to_string(i), shape = "<visual><origin xyz='0 0 " + scale(0.1) +
+                                                         "'/><geometry><cylinder radius='" + scale(0.03) +
+                                                         "' length='" + scale(0.2) + "'/></geometry></visual>";
         urdf +=
             "<joint name='j" + n + "' type='revolute'><parent link='" + (i > 1 ? "l" + std::to_string(i - 1) : "base") +
-            "'/><child link='l" + n + "'/><origin xyz='0 0 0.2'/><axis xyz='" +
+            "'/><child link='l" + n + "'/><origin xyz='0 0 " + scale(0.2) + "'/><axis xyz='" +
             (i == 1   ? "0 0 1"
              : i == 4 ? "1 0 0"
                       : "0 1 0") +
             "'/><limit lower='-2' upper='2' velocity='2' effort='0'/></joint><link name='l" + n + "'>" + shape +
-            (i == 2
-                 ? "<inertial><mass value='1'/><inertia ixx='0.001' iyy='0.001' izz='0.009' ixy='0' ixz='0' iyz='0'/>"
-                   "</inertial>"
-                 : "") +
+            (i == 2 ? "<inertial><mass value='" + scale(1.0, 3) + "'/><inertia ixx='" + scale(0.001, 5) + "' iyy='" +
+                          scale(0.001, 5) + "' izz='" + scale(0.009, 5) + "' ixy='0' ixz='0' iyz='0'/></inertial>"
+                    : "") +
             "</link>";
     }
-    urdf += "</robot>";
-    std::ofstream(folder / "poor.urdf") << urdf;
+    return urdf + "</robot>";
+}
+
+TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
+    Folder folder;
+    std::ofstream(folder / "poor.urdf") << makePoorUrdf(1.0);
     const Outcome refused = makeNew(folder, {"robot", "arm", "--urdf", folder / "poor.urdf"});
     EXPECT_EQ(refused.code, 2);
     expectContains(refused.err, {"2 things are wrong", "`viable new robot --assume` takes a mass from the shapes"});
@@ -428,7 +431,14 @@ TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
     expectContains(describe(folder / "arm").out, {"Assumed, not given: " + all});
     const Outcome ran = run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--set", "duration_s=3"});
     EXPECT_EQ(ran.code, 0) << ran.err;
-    expectContains(ran.out, {"verdict       all limits kept", "figures of the robot that nobody gave: " + all});
+    expectContains(ran.out, {"verdict       all limits kept", "figures of the robot that nobody gave: " + all,
+                             "tool          its joints move it in 4 of 6 directions, 3 of 3 without turning"});
+    // Of 1600 kg: held as well.
+    std::ofstream(folder / "giant.urdf") << makePoorUrdf(8.0);
+    ASSERT_EQ(makeNew(folder, {"robot", "giant", "--assume", "--urdf", folder / "giant.urdf"}).code, 0);
+    const Outcome giant = run({"run", folder / "giant/hand.yaml", "--out", folder / "out2"});
+    EXPECT_EQ(giant.code, 0) << giant.err;
+    EXPECT_EQ(giant.out.find("does not follow"), std::string::npos) << giant.out;
 }
 
 TEST(NewRobot, AToolThatItsOnlyJointDoesNotMoveGetsNoTask) {

@@ -228,10 +228,6 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
         {"SLOWEST", formatRounded(std::min(draft.task.fastest * kSlowest, kSlowestReach_s))},
         {"DURATION", formatValue(std::max(kShortestRun_s, std::ceil(draft.task.fastest * kSlowest * kReaches)))},
         {"ROTATION", draft.task.toolJoints >= 6 ? "0.3" : "0"},
-        {"TOOL_SERVO",
-         draft.task.toolJoints >= 6
-             ? "{plugin: tool_servo}"
-             : "{plugin: tool_servo, rotation_length_m: 0.001}  # too few joints to turn the tool at will"},
         {"SAFETY", formatValue(draft.task.safety)},
         {"BALL_RADIUS", formatValue(draft.task.radius)},
         {"BALL", formatPoint(draft.task.ball)},

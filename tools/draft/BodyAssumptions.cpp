@@ -114,8 +114,7 @@ BodyInertia calcSolid(const LinkShape& shape, const Mesh& mesh, const DraftCapsu
     BodyInertia body;
     switch (shape.kind) {
         case LinkShape::Kind::Sphere:
-            body.mass = 4.0 / 3.0 * EIGEN_PI * std::pow(shape.radius, 3);
-            body.inertia = 0.4 * body.mass * shape.radius * shape.radius * Matrix3d::Identity();
+            body = calcCapsule({Vector3d::Zero(), Vector3d::Zero(), shape.radius});
             break;
         case LinkShape::Kind::Box: {
             body.mass = shape.size.prod();

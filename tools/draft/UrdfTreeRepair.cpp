@@ -29,24 +29,16 @@ std::vector<std::string> splitName(const std::string& name) {
     return words;
 }
 
-/** The only one of the names that `name` can be a slip of: with the same numbers, and letters wrong in words of four or
-more only (`l_arm` is not `r_arm`). Empty: none, or several. */
-std::string findMeant(const std::string& name, const std::vector<std::string>& names) {
+/** Whether a name can be a slip of another: with the same numbers, and letters wrong in words of four or more only (`l_arm` is
+not `r_arm`). */
+bool isSlip(const std::string& name, const std::string& other) {
     constexpr std::size_t kLongWord = 4;
-    const std::vector<std::string> words = splitName(name);
-    std::string meant;
-    for (const std::string& candidate : names) {
-        const std::vector<std::string> others = splitName(candidate);
-        if (!std::equal(words.begin(), words.end(), others.begin(), others.end(),
-                        [&](const std::string& a, const std::string& b) {
-                            return a == b || (std::min(a.size(), b.size()) >= kLongWord && !std::isdigit(a[0]) &&
-                                              !std::isdigit(b[0]) && !findClosestName(a, {b}).empty());
-                        }))
-            continue;
-        if (!meant.empty()) return {};
-        meant = candidate;
-    }
-    return meant;
+    const std::vector<std::string> words = splitName(name), others = splitName(other);
+    return std::equal(words.begin(), words.end(), others.begin(), others.end(),
+                      [&](const std::string& a, const std::string& b) {
+                          return a == b || (std::min(a.size(), b.size()) >= kLongWord && !std::isdigit(a[0]) &&
+                                            !std::isdigit(b[0]) && !findClosestName(a, {b}).empty());
+                      });
 }
 
 class TreeRepair {
@@ -112,7 +104,7 @@ private:
                         " is taken as " + closest);
     }
 
-    /** Links that joints name and that are not there: the one whose name was misspelt, else one without a body. A parent is
+    /** Links that joints name and that are not there: the only one whose name was misspelt, else one without a body. A parent is
     new only where all else hangs on it, or there would be two bases. */
     void findLinks() {
         const UrdfTree tree(document_);
@@ -127,42 +119,28 @@ private:
             if (joint.childLink < 0 && !joint.child.empty()) children[joint.child].push_back(&joint);
         }
         if (parents.size() + children.size() > kMostMissing) return;
-        for (const auto& [name, joints] : children) {
-            const std::string root = joints.size() == 1 && roots.size() > 1 && parents.count(name) == 0
-                                         ? findMeant(name, {roots.begin() + 1, roots.end()})
-                                         : "";
-            if (root.empty())
-                addLink(name);
-            else
-                take(*joints.front(), "child", root);
-        }
-        for (const auto& [name, joints] : parents) {
-            if (children.count(name) > 0) continue;
-            // What hangs on it would be inside of itself.
-            std::set<std::string> beyond;
-            for (const UrdfTree::Joint* joint : joints) addBeyond(tree, joint->childLink, beyond);
-            std::vector<std::string> free;
-            for (const std::string& known : names)
-                if (beyond.count(known) == 0) free.push_back(known);
-            const std::string meant = findMeant(name, free);
-            if (free.empty())
-                addLink(name);
-            else if (!meant.empty())
-                for (const UrdfTree::Joint* joint : joints) take(*joint, "parent", meant);
-        }
-    }
-
-    static void addBeyond(const UrdfTree& tree, int link, std::set<std::string>& beyond) {
-        std::vector<int> open;
-        if (link >= 0) open.push_back(link);
-        while (!open.empty()) {
-            const UrdfTree::Link& at = tree.links[static_cast<std::size_t>(open.back())];
-            open.pop_back();
-            if (!beyond.insert(at.name).second) continue;
-            for (const int j : at.joints)
-                if (const int child = tree.joints[static_cast<std::size_t>(j)].childLink; child >= 0)
-                    open.push_back(child);
-        }
+        const auto takeMeant = [&](const auto& missing, const char* tag, std::vector<std::string> known) {
+            const auto& [name, joints] = missing;
+            known.erase(std::remove_if(known.begin(), known.end(),
+                                       [&, at = name](const std::string& link) {
+                                           if (!isSlip(at, link)) return true;
+                                           for (const int j : tree.listJointsAbove(tree.find.at(link)))
+                                               if (tree.joints[static_cast<std::size_t>(j)].parent == at) return true;
+                                           return false;  // else it would be inside of itself
+                                       }),
+                        known.end());
+            if (known.size() != 1) return false;
+            for (const UrdfTree::Joint* joint : joints) take(*joint, tag, known.front());
+            return true;
+        };
+        for (const auto& missing : children)
+            if (roots.size() < 2 || missing.second.size() > 1 || parents.count(missing.first) > 0 ||
+                !takeMeant(missing, "child", {roots.begin() + 1, roots.end()}))
+                addLink(missing.first);
+        for (const auto& missing : parents)
+            if (children.count(missing.first) == 0 && !takeMeant(missing, "parent", names) && roots.empty() &&
+                parents.size() == 1)
+                addLink(missing.first);
     }
 
     void addLink(const std::string& name) {

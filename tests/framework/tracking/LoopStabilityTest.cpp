@@ -231,8 +231,7 @@ TEST(LoopStability, ARotorBehindAFlexibleJointCarriesTheGains) {
         RobotDescription robot = load("single_joint");
         robot.actuation.rotorInertia[0] = rotor;
         const LinearErrorLoop loop = scaleGains(robot, robot.limits, h);
-        const double Kr =
-            detail::calcLoopGain(loop, detail::sampleInertia(robot, robot.limits, 1).front().M)(0, 0);
+        const double Kr = detail::calcLoopGain(loop, detail::sampleInertia(robot, robot.limits, 1).front().M)(0, 0);
         for (double angle = 0.01; angle < 1.1; angle *= 1.3)  // of the resonance, per tick
             for (const double gain : {0.5, 1.0, 1.9}) {
                 const double k = angle * angle / h / h / (1.0 / rotor + 1.0 / link);

@@ -121,10 +121,9 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
         for (; counted < i; ++counted)
             if (text[counted] == '\n') line = counted + 1;
         if (!isEnd) columns.push_back(i - line + 1);
-        if (text.compare(i, 7, "<joint ") == 0) {
-            const std::string_view tag(text.data() + i, end - i);
+        const std::string_view tag(text.data() + i, end - i);
+        if (tag.substr(0, 6) == "<joint" && tag.size() > 6 && std::isspace(static_cast<unsigned char>(tag[6])))
             moving += tag.find("type") != tag.npos && tag.find("fixed") == tag.npos ? 1 : 0;
-        }
         if (moving > kMaxUrdfMoving)
             throw badInput(file, "the robot has more than " + std::to_string(kMaxUrdfMoving) + " joints that move",
                            "Take the arm out of the file; no robot has so many.");
