@@ -79,18 +79,15 @@ BodyInertia scale(BodyInertia body, double factor) {
 double calcArmLength(const UrdfRobot& robot) {
     std::vector<double> length;
     double longest = 0.0;
-    for (const JointDescription& joint : robot.joints) {
-        const bool hangsOnBase = joint.parent < 0;
-        length.push_back(
-            hangsOnBase ? 0.0 : length[static_cast<std::size_t>(joint.parent)] + joint.placement.translation().norm());
-        longest = std::max(longest, length.back());
-    }
-    for (const std::string& leaf : robot.leafLinks) {
-        const UrdfRobot::LinkPlace& place = robot.links.at(leaf);
-        if (place.carrier >= 0)
-            longest = std::max(longest,
-                               length[static_cast<std::size_t>(place.carrier)] + place.placement.translation().norm());
-    }
+    const auto measure = [&](int carrier, const Eigen::Isometry3d& placement) {
+        const double here =
+            carrier < 0 ? 0.0 : length[static_cast<std::size_t>(carrier)] + placement.translation().norm();
+        longest = std::max(longest, here);
+        return here;
+    };
+    for (const JointDescription& joint : robot.joints) length.push_back(measure(joint.parent, joint.placement));
+    for (const std::string& leaf : robot.leafLinks)
+        measure(robot.links.at(leaf).carrier, robot.links.at(leaf).placement);
     return longest > 0.0 ? longest : kSmallArm;
 }
 
