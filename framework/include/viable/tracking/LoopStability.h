@@ -39,7 +39,7 @@ Method: K_r follows the inertia (LinearErrorLoop::inertiaRate), so that in every
 The rate is half of what makes the sampled loop unstable, c / (2 dt) with c = 2 tan(pi / (4 + 4 delay)). It is lowered
 until calcMargins() is enough. A payload makes the real arm heavier and the loop slower, which adds to that distance.
 Real arms have flexible joints, behind which a loop moves the rotor alone. So K_r stays below that rate times the
-largest rotor inertia: that joint keeps the gain margin however soft it is. A joint without a rotor figure counts with a
+largest rotor inertia, which that joint carries however soft it is (MATH 7). A joint without a rotor figure counts with a
 quarter of its greatest inertia, as motors are sized. Joints that slide and joints that turn are compared apart. K_p is
 a quarter of K_r over the greatest inertia, at most a tenth of that rate and 100 1/s. K_i is a tenth of K_p^2.
 @param given  gains of size 0 are computed; the others, and the bounds, are kept. A given k_r is constant, and the
