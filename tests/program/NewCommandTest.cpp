@@ -386,6 +386,56 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
     }
 }
 
+/** An arm as CAD leaves it: no masses, one tensor of no body, definitions of xacro. @param size  1: 0.8 m high */
+std::string makePoorUrdf(double size) {
+    const auto scale = [&](double x, int power = 1) { return std::to_string(x * std::pow(size, power)); };
+    std::string urdf = "<robot name='poor' xmlns:xacro='x'><xacro:property name='w' value='1'/><link name='base'/>";
+    for (int i = 1; i <= 4; ++i) {
+        const std::string n = std::to_string(i), shape = "<visual><origin xyz='0 0 " + scale(0.1) +
+                                                         "'/><geometry><cylinder radius='" + scale(0.03) +
+                                                         "' length='" + scale(0.2) + "'/></geometry></visual>";
+        urdf +=
+            "<joint name='j" + n + "' type='revolute'><parent link='" + (i > 1 ? "l" + std::to_string(i - 1) : "base") +
+            "'/><child link='l" + n + "'/><origin xyz='0 0 " + scale(0.2) + "'/><axis xyz='" +
+            (i == 1   ? "0 0 1"
+             : i == 4 ? "1 0 0"
+                      : "0 1 0") +
+            "'/><limit lower='-2' upper='2' velocity='2' effort='0'/></joint><link name='l" + n + "'>" + shape +
+            (i == 2 ? "<inertial><mass value='" + scale(1.0, 3) + "'/><inertia ixx='" + scale(0.001, 5) + "' iyy='" +
+                          scale(0.001, 5) + "' izz='" + scale(0.009, 5) + "' ixy='0' ixz='0' iyz='0'/></inertial>"
+                    : "") +
+            "</link>";
+    }
+    return urdf + "</robot>";
+}
+
+TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
+    Folder folder;
+    std::ofstream(folder / "poor.urdf") << makePoorUrdf(1.0);
+    const Outcome refused = makeNew(folder, {"robot", "arm", "--urdf", folder / "poor.urdf"});
+    EXPECT_EQ(refused.code, 2);
+    expectContains(refused.err, {"2 things are wrong", "`viable new robot --assume` takes a mass from the shapes"});
+    EXPECT_FALSE(fs::exists(folder / "arm"));
+    const Outcome made = makeNew(folder, {"robot", "arm", "--assume", "--urdf", folder / "poor.urdf"});
+    ASSERT_EQ(made.code, 0) << made.err;
+    expectContains(made.err,
+                   {"<xacro:property> is left out", "from 0.001, 0.001, 0.009 kg m^2 to 0.00333, 0.00333, 0.00667"});
+    expectContains(made.out, {"  mass: l1 0.724 kg, l3 0.724 kg, l4 0.724 kg: the volume", "  inertia: l2: "});
+    expectContains(readFile(folder / "arm/README.md"), {"assumption: l1 0.724 kg"});
+    const std::string all = "inertia (l2), mass (l1, l3, l4), acceleration_radps2";
+    expectContains(describe(folder / "arm").out, {"Assumed, not given: " + all});
+    const Outcome ran = run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--set", "duration_s=3"});
+    EXPECT_EQ(ran.code, 0) << ran.err;
+    expectContains(ran.out, {"verdict       all limits kept", "figures of the robot that nobody gave: " + all,
+                             "tool          its joints move it in 4 of 6 directions, 3 of 3 without turning"});
+    // Of 1600 kg: held as well.
+    std::ofstream(folder / "giant.urdf") << makePoorUrdf(8.0);
+    ASSERT_EQ(makeNew(folder, {"robot", "giant", "--assume", "--urdf", folder / "giant.urdf"}).code, 0);
+    const Outcome giant = run({"run", folder / "giant/hand.yaml", "--out", folder / "out2"});
+    EXPECT_EQ(giant.code, 0) << giant.err;
+    EXPECT_EQ(giant.out.find("does not follow"), std::string::npos) << giant.out;
+}
+
 TEST(NewRobot, AToolThatItsOnlyJointDoesNotMoveGetsNoTask) {
     Folder folder;
     std::ofstream(folder / "turn.urdf") << "<robot name='turn'><link name='base'/><link name='arm'><inertial><origin "

@@ -148,7 +148,8 @@ struct ArmBatch::Impl {
                 : options.action == BatchAction::ToolPosition ? 3
                                                               : n),
           setup(detail::makeGuardSetup(kArmBatch, robot, tick, options.limits)),
-          recursion(std::make_shared<const ArmRecursion>(robot)) {
+          recursion(std::make_shared<const ArmRecursion>(robot)),
+          freedom(robot, setup.limits) {
         if (arms < 1 || arms > kMaxArms)
             throw badInput(kArmBatch, std::to_string(arms) + " arms; allowed is 1 to " + std::to_string(kMaxArms),
                            "Give the number of arms.");
@@ -225,7 +226,8 @@ struct ArmBatch::Impl {
     int threads = 1;    // at most; how many cores there are takes long to find
     const RunSetup setup;
     const std::shared_ptr<const ArmRecursion> recursion;  // of all nominal arms
-    Dynamics still;                                       // of unit inertias, for jerks
+    const ToolFreedom freedom;
+    Dynamics still;  // of unit inertias, for jerks
     std::vector<JointLimits> limits;
     std::vector<detail::JointBraking> laws;
     std::vector<Servo> servos;
@@ -329,7 +331,8 @@ void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
     }
     if (isTool) {
         ToolFollowerOptions tool;
-        tool.reference.rotationLength_m = options.action == BatchAction::ToolPose ? calcLeverArm(dynamics.J) : 0.0;
+        tool.reference.rotationLength_m =
+            options.action == BatchAction::ToolPose ? freedom.calcRotationLength(dynamics.J) : 0.0;
         tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr, recursion);
     }
     row(state.q, arm) = start.q;

@@ -92,11 +92,9 @@ void writeNewFolder(const NewArguments& arguments) {
             "new " + arguments.kind, "the name is missing",
             "Write `viable new " + arguments.kind + " NAME" + (arguments.kind == "robot" ? " --urdf FILE`." : "`."));
     if (arguments.kind == "robot") return writeRobot(arguments);
-    const std::pair<const char*, bool> robotOptions[] = {{"--urdf", !arguments.urdf.empty()},
-                                                         {"--base", !arguments.base.empty()},
-                                                         {"--tip", !arguments.tip.empty()},
-                                                         {"--fix", !arguments.fixed.empty()},
-                                                         {"--assume", arguments.assumes}};
+    const std::pair<const char*, bool> robotOptions[] = {
+        {"--urdf", !arguments.urdf.empty()}, {"--base", !arguments.base.empty()}, {"--tip", !arguments.tip.empty()},
+        {"--fix", !arguments.fixed.empty()}, {"--at", !arguments.at.empty()},     {"--assume", arguments.assumes}};
     for (const auto& [option, isGiven] : robotOptions)
         if (isGiven)
             throw badInput("new " + arguments.kind, std::string(option) + " is for robots only",
@@ -116,13 +114,19 @@ void addNewCommand(CLI::App& app, int& exitCode) {
     command->add_option("NAME", arguments->name, "Name in snake_case; the folder gets it, too");
     command->add_option("--urdf", arguments->urdf, "Robots: the URDF file to begin from");
     command->add_option("--base", arguments->base, "Robots: joints that do not hang on this link are frozen");
-    command->add_option("--tip", arguments->tip, "Robots: the tool's link; joints that do not carry it are frozen");
+    command->add_option(
+        "--tip", arguments->tip,
+        "Robots: the tool's link; joints that do not carry it are frozen. auto: that of the longest arm");
     command
         ->add_option("--fix", arguments->fixed,
                      "Robots: JOINT or JOINT=VALUE [rad, m] to freeze; may be given several times")
         ->allow_extra_args(false);
+    command
+        ->add_option("--at", arguments->at,
+                     "Robots: JOINT=VALUE [rad, m], where a joint is that another option freezes")
+        ->allow_extra_args(false);
     command->add_flag("--assume", arguments->assumes,
-                      "Robots: assume the figures that a URDF does not hold, and say so, for a first run at once");
+                      "Robots: assume what a URDF does not hold or holds wrongly, and say so, for a first run at once");
     command->add_option("--out", arguments->out,
                         "Folder for the new folder; created where it is missing "
                         "(default: the current one)");

@@ -24,6 +24,7 @@ namespace fs = std::filesystem;
 fastest; so many of these fit into a run. */
 constexpr double kHandSpeed = 0.3;
 constexpr double kSlowest = 2.8;
+constexpr double kSlowestReach_s = 100.0;  // what generated_hand_motion takes
 constexpr double kReaches = 5.0;
 constexpr double kShortestRun_s = 10.0;
 /** A tool that cannot be moved in so many directions, or not so far [m], follows no hand. */
@@ -113,11 +114,12 @@ std::string makeContacts(const std::vector<DraftContact>& contacts) {
     return text.empty() ? " []" : text;
 }
 
-/** The rule by which a figure was assumed; none: `otherwise`. */
+/** The rules by which a figure was assumed; none: `otherwise`. */
 std::string makeSource(const RobotDraft& draft, const std::string& figure, const std::string& otherwise) {
+    std::string rules;
     for (const DraftAssumption& assumption : draft.assumptions)
-        if (assumption.figure == figure) return "assumption: " + assumption.rule;
-    return otherwise;
+        if (assumption.figure == figure) detail::addItem(rules, "assumption: " + formatName(assumption.rule), "; ");
+    return rules.empty() ? otherwise : rules;
 }
 
 /** `assumed` of limits.yaml or actuation.yaml. */
@@ -208,6 +210,8 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
         {"ASSUMED_ACTUATION", makeAssumed(draft, {{"torque limits", "torque_limit_Nm"},
                                                   {"rotor_inertia_kgm2", "rotor_inertia_kgm2"},
                                                   {"friction", "friction"}})},
+        {"SOURCE_MASS", makeSource(draft, "mass", "TODO")},
+        {"SOURCE_INERTIA", makeSource(draft, "inertia", "TODO")},
         {"SOURCE_ACCELERATION", makeSource(draft, "acceleration limits", "TODO")},
         {"SOURCE_JERK", makeSource(draft, "jerk limits", "TODO")},
         {"SOURCE_ROTOR", makeSource(draft, "rotor_inertia_kgm2", "TODO")},
@@ -221,13 +225,9 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
         {"HAND_ENVIRONMENT",
          hasCapsules(draft) ? "environment: {safety_distance_m: 0}  # the run tells when links touch\n" : ""},
         {"FASTEST", formatValue(draft.task.fastest)},
-        {"SLOWEST", formatRounded(draft.task.fastest * kSlowest)},
+        {"SLOWEST", formatRounded(std::min(draft.task.fastest * kSlowest, kSlowestReach_s))},
         {"DURATION", formatValue(std::max(kShortestRun_s, std::ceil(draft.task.fastest * kSlowest * kReaches)))},
         {"ROTATION", draft.task.toolJoints >= 6 ? "0.3" : "0"},
-        {"TOOL_SERVO",
-         draft.task.toolJoints >= 6
-             ? "{plugin: tool_servo}"
-             : "{plugin: tool_servo, rotation_length_m: 0.001}  # too few joints to turn the tool at will"},
         {"SAFETY", formatValue(draft.task.safety)},
         {"BALL_RADIUS", formatValue(draft.task.radius)},
         {"BALL", formatPoint(draft.task.ball)},
@@ -320,8 +320,8 @@ void writeRobot(const NewRobotArguments& arguments) {
                                arguments.name + "`.");
     const fs::path target = fs::path(arguments.out) / arguments.name;
     checkNewFolder(target);
-    const RobotDraft draft =
-        readRobotDraft(arguments.urdf, {{arguments.base, arguments.tip, arguments.fixed}, arguments.assumes});
+    const RobotDraft draft = readRobotDraft(
+        arguments.urdf, {{arguments.base, arguments.tip, arguments.fixed, arguments.at}, arguments.assumes});
     const std::map<std::string, std::string> replacements = makeReplacements(arguments, draft);
     FolderFiles files = fillTemplate(getTemplates() / "robot", replacements);
     const bool canFollow = draft.task.directions >= kFewestDirections && draft.task.reach > kShortestReach;

@@ -9,7 +9,7 @@ namespace viable {
 struct NewRobotArguments {
     std::string name, urdf, out;
     std::string base, tip;
-    std::vector<std::string> fixed;
+    std::vector<std::string> fixed, at;
     bool assumes = false;
 };
 

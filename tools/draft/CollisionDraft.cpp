@@ -4,8 +4,10 @@
 #include <cmath>
 
 #include "core/Text.h"
+#include "draft/BodyAssumptions.h"
 #include "meshes/MeshFile.h"
 #include "robot/PoseSampling.h"
+#include "robot/RigidBody.h"
 #include "robot/Segments.h"
 
 namespace viable::detail {
@@ -133,8 +135,9 @@ DraftCapsule fitCapsule(const std::vector<Vector3d>& points, const Eigen::Matrix
     return best;
 }
 
-/** Points around all of a shape, in the link's frame; a sphere's is its centre. Empty for a mesh that cannot be read. */
-std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder) {
+/** Points around all of a shape, in the link's frame; a sphere's is its centre. Empty for a mesh that cannot be read.
+@param mesh  gets that of a mesh */
+std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder, Mesh& mesh) {
     std::vector<Vector3d> corners;
     switch (shape.kind) {
         case LinkShape::Kind::Sphere:
@@ -157,7 +160,7 @@ std::vector<Vector3d> listCorners(const LinkShape& shape, const fs::path& folder
         case LinkShape::Kind::Mesh: {
             const fs::path file = findMesh(shape.mesh, folder, MeshReach::Anywhere);
             if (file.empty()) break;
-            const Mesh mesh = readMesh(file.string(), shape.size);
+            mesh = readMesh(file.string(), shape.size);
             for (std::size_t i = 0; i + 2 < mesh.positions.size(); i += 3)
                 corners.emplace_back(mesh.positions[i], mesh.positions[i + 1], mesh.positions[i + 2]);
             break;
@@ -175,7 +178,8 @@ DraftLink draftLink(const UrdfRobot& robot, const std::string& name, const fs::p
     const auto found = robot.solids.find(name);
     if (found == robot.solids.end()) return link;
     for (const LinkShape& shape : found->second.shapes) {
-        const std::vector<Vector3d> corners = listCorners(shape, folder);
+        Mesh mesh;
+        const std::vector<Vector3d> corners = listCorners(shape, folder, mesh);
         const bool isFinite =
             std::all_of(corners.begin(), corners.end(), [](const Vector3d& p) { return p.allFinite(); });
         if (corners.empty() || !isFinite) {
@@ -186,6 +190,7 @@ DraftLink draftLink(const UrdfRobot& robot, const std::string& name, const fs::p
         if (shape.kind == LinkShape::Kind::Sphere)
             capsule.radius = roundUp(shape.radius + (corners[0] - capsule.from).norm());
         link.capsules.push_back(capsule);
+        link.solid = mergeBodies(link.solid, calcSolid(shape, mesh, capsule));
     }
     return link;
 }

@@ -27,6 +27,8 @@ constexpr double kTurning = 1.0;
 constexpr double kSliding = 0.25;
 /** Motors without a limit hold and accelerate the arm this many times. */
 constexpr double kSpareTorque = 2.0;
+/** No joint is taken to be lighter than this share of the heaviest: their motions could not be computed together. */
+constexpr double kLeastInertiaShare = 1e-5;
 /** A torque limit is a placeholder beyond so many times what holds and accelerates the arm. */
 constexpr double kMostSpareTorque = 10.0;
 
@@ -188,6 +190,7 @@ private:
                 draft_.task.reach, (placeTool(frames) - frames.origin[static_cast<std::size_t>(toolRoot_)]).norm());
         }
         draft_.task.reach = roundOff(draft_.task.reach);
+        inertia_ = inertia_.cwiseMax(kLeastInertiaShare * inertia_.maxCoeff());
     }
 
     void assumeMotors() {

@@ -5,8 +5,9 @@
 #include <cmath>
 
 #include "core/Text.h"
-#include "draft/CollisionDraft.h"
+#include "draft/BodyAssumptions.h"
 #include "draft/RobotAssumptions.h"
+#include "draft/Xacro.h"
 #include "robot/urdf/UrdfChecks.h"
 
 namespace viable {
@@ -189,12 +190,29 @@ void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link, std::vec
 }  // namespace
 
 RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions& options) {
-    detail::UrdfDocument document(file);
+    detail::UrdfDocument document(file, options.assumes
+                                            ? [&](const std::string& where) { return detail::expandXacro(file, where); }
+                                            : detail::UrdfDocument::Expand());
     detail::ErrorList urdfErrors;
     RobotDraft draft;
+    draft.repairs = document.notes();
+    const auto addRepairs = [&](const std::vector<std::string>& notes) {
+        draft.repairs.insert(draft.repairs.end(), notes.begin(), notes.end());
+    };
+    if (options.assumes) addRepairs(detail::repairUrdfTree(document));
     detail::checkUrdfTree(document, urdfErrors);
-    draft.repairs = detail::repairUrdf(document, options.choice, urdfErrors);
-    const UrdfRobot robot = detail::readUrdf(document, urdfErrors);
+    const detail::UrdfRepairs repairs = detail::repairUrdf(document, options.choice, options.assumes, urdfErrors);
+    addRepairs(repairs.notes);
+    UrdfRobot robot = detail::readUrdf(document, urdfErrors);
+    draft.links = detail::draftLinks(robot, std::filesystem::absolute(file).parent_path());
+    if (!repairs.bodies.empty()) {
+        detail::assumeBodies(document, robot, repairs.bodies, draft);
+        robot = detail::readUrdf(document, {});
+    }
+    if (!repairs.inertias.empty())
+        draft.assumptions.push_back(
+            {"inertia",
+             detail::join(repairs.inertias) + ": the tensor that a body can have and that is nearest to the given"});
     draft.urdf = draft.repairs.empty() ? document.text() : document.print();
 
     for (int i = 0; i < static_cast<int>(robot.joints.size()); ++i)
@@ -204,8 +222,8 @@ RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions&
         reviewInertia(robot, link, draft.warnings);
         if (link.joints.empty()) draft.toolLinks.push_back(link.name);
     }
-    if (!options.choice.tip.empty())
-        draft.tool = options.choice.tip;
+    if (!repairs.tip.empty())
+        draft.tool = repairs.tip;
     else if (draft.toolLinks.size() == 1)
         draft.tool = draft.toolLinks.front();
     for (const auto& [name, link] : robot.shapes)
@@ -213,7 +231,6 @@ RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions&
             if (shape.kind == LinkShape::Kind::Mesh &&
                 std::find(draft.meshes.begin(), draft.meshes.end(), shape.mesh) == draft.meshes.end())
                 draft.meshes.push_back(shape.mesh);
-    draft.links = detail::draftLinks(robot, std::filesystem::absolute(file).parent_path());
     const detail::LinkDistances distances(robot, draft.links);
     draft.contacts = detail::draftContacts(robot, draft, distances);
     if (options.assumes) detail::assumeFigures(robot, distances, draft);

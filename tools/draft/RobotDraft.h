@@ -1,6 +1,6 @@
 #pragma once
 
-#include "robot/urdf/UrdfRepair.h"
+#include "draft/UrdfRepair.h"
 #include "viable/core/Numbers.h"
 #include "viable/robot/RobotDescription.h"
 
@@ -34,6 +34,7 @@ struct DraftLink {
     std::string name;
     std::vector<DraftCapsule> capsules;   ///< one per collision element, or where there are none, visual one
     std::vector<std::string> lostMeshes;  ///< mesh files of it that could not be read: no capsules for these
+    BodyInertia solid;                    ///< of its shapes, as if of 1 kg/m^3; no mass where there are none
 };
 
 /** Two links whose capsules touch without anything being wrong. */

@@ -12,6 +12,7 @@
 #include "host/WatchedLimit.h"
 #include "log/LogMetadata.h"
 #include "robot/ArmRecursion.h"
+#include "tracking/ToolReference.h"
 #include "viable/braking/Braking.h"
 
 namespace viable {
@@ -136,6 +137,8 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     result.summary.setSliding(std::move(slides));
     result.name = plan.name;
     result.assumed = plan.robot.assumed;
+    if (configured.plugins.command->traits().space == MotionCommand::Space::Tool)
+        result.tool = ToolFreedom(plan.robot, configured.setup.limits).describe();
     result.controller = plan.controller.plugin.name;
     result.filter = plan.filterName();
     for (const auto& [key, block] : plan.resolved.entries)

@@ -47,6 +47,8 @@ Eigen::Vector3d toLinkFrame(const aiVector3D& v, bool isYUp) {
 }  // namespace
 
 Mesh readMesh(const std::string& file, const Eigen::Vector3d& scale) {
+    std::error_code failed;
+    if (fs::file_size(file, failed) > kMostMeshBytes) return {};
     Assimp::Importer importer;
     // The axes of a Collada file as they are; assimp would turn them. Its unit is applied to its root node.
     importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);

@@ -7,6 +7,9 @@
 
 namespace viable::detail {
 
+/** Larger mesh files are not read: those of a link have some megabytes. */
+inline constexpr std::uintmax_t kMostMeshBytes = 256u << 20;
+
 /** Reads a mesh file into the link's frame; empty when it cannot be read or is of another format than these.
 Axes and units are those of RViz and Drake: STL, OBJ and PLY as they are, in metres. Collada (.dae): its axes as they are,
 whatever its up_axis says, its unit applied. glTF (.gltf, .glb): metres, y up by its specification, hence turned by +90

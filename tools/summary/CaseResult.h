@@ -13,6 +13,7 @@ struct CaseResult {
 
     std::string name;
     std::vector<std::string> assumed;  ///< figures of the robot that nobody gave
+    std::string tool;                  ///< which directions a tool command gives up on this arm; empty: none
     std::string controller;            ///< plugin names, for tables
     bool isRelative = false;           ///< the controller follows the command's motion, not its pose
     std::string filter;

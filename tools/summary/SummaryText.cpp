@@ -822,6 +822,7 @@ std::string formatDetails(const CaseResult& r) {
     }
     if (!r.log.empty())
         text += format("  log           %s (%lld rows)\n", r.log.c_str(), static_cast<long long>(r.logRows));
+    if (!r.tool.empty()) text += "  tool          " + r.tool + "\n";
     if (!r.assumed.empty())
         text += "  assumed       figures of the robot that nobody gave: " + detail::join(r.assumed) + "\n";
     for (const std::string& warning : r.warnings) text += "  WARNING       " + warning + "\n";

@@ -366,6 +366,7 @@ RobotDescription loadRobot(const fs::path& folder) {
 
     UrdfRobot urdf = detail::readUrdf(urdfFile);
     robot.joints = urdf.joints;
+    robot.assumed = urdf.assumed;
     ErrorList errors;
     errors.collect([&] { readLimitsFile(limitsFile, urdf, robot); });
     errors.collect([&] { readActuationFile(actuationFile, robot); });

@@ -1,12 +1,15 @@
 #include "tracking/ToolReference.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/SVD>
 
 #include "clearance/Bisection.h"
 #include "core/RotationVector.h"
+#include "core/Text.h"
 #include "environment/ArmClearances.h"
 #include "qp/RowQp.h"
 #include "robot/ArmRecursion.h"
+#include "robot/PoseSampling.h"
 #include "viable/braking/Braking.h"
 
 namespace viable {
@@ -30,7 +33,39 @@ constexpr double kBack = 0.1;
 their way. */
 constexpr double kLeap = 0.5, kLeapFrom_m = 1e-3;
 
+/** Poses in which a tool's directions are counted, and the least share of the best one. */
+constexpr int kFreedomPoses = 60;
+constexpr double kLeastDirection = 0.01;
+/** Weight of turns that come after the position; the pull of spare joints is weaker still. */
+constexpr double kTurnsLast = 0.02;
+
 }  // namespace
+
+ToolFreedom::ToolFreedom(const RobotDescription& robot, const JointLimits& limits) {
+    const ArmRecursion recursion(robot);
+    Dynamics dynamics;
+    const auto count = [](const Eigen::MatrixXd& J) {
+        const Eigen::VectorXd sizes = Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues();
+        return static_cast<int>((sizes.array() > kLeastDirection * sizes[0]).count());
+    };
+    for (const JointVector& q : detail::samplePoses(limits, kFreedomPoses)) {
+        recursion.calcDynamics(q, JointVector::Zero(robot.size()), dynamics);
+        Eigen::MatrixXd J = dynamics.J;
+        J.bottomRows(3) *= calcLeverArm(dynamics.J);
+        ways = std::max(ways, count(J.topRows(3)));
+        all = std::max(all, count(J));
+    }
+}
+
+double ToolFreedom::calcRotationLength(const ToolJacobian& J) const {
+    return (all < 6 ? kTurnsLast : 1.0) * calcLeverArm(J);
+}
+
+std::string ToolFreedom::describe() const {
+    if (all == 6) return {};
+    return detail::format("its joints move it in %d of 6 directions, %d of 3 without turning: ", all, ways) +
+           "the position comes first, and it turns as far as joints are left";
+}
 
 /** What of the arm is near, and the rows that keep it from coming nearer. */
 struct ToolReference::Clear {

@@ -9,6 +9,18 @@ namespace viable {
 
 class ArmRecursion;
 
+/** In how many directions the joints can move the tool, at a fixed sample of poses within the limits. */
+struct ToolFreedom {
+    int ways = 0, all = 0;  ///< of three, and of six with the turns
+
+    ToolFreedom(const RobotDescription& robot, const JointLimits& limits);
+    /** For a pose with this J: the mean lever arm of the joints. Where some directions must be given up, a fiftieth of it: then
+    the position comes first, and the tool turns as far as joints are left. */
+    double calcRotationLength(const ToolJacobian& J) const;
+    /** That, as a sentence; empty where nothing is given up. */
+    std::string describe() const;
+};
+
 /** How a tool pose becomes a motion of the joints. */
 struct ToolReferenceOptions {
     double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error; 0: the orientation is free

@@ -16,7 +16,8 @@ struct ToolServoOptions {
     void describe(V& v) {
         follower.describe(v);
         v(rotationLength_m, "rotation_length_m", "m",
-          "An error of 1 rad counts as one of so many metres; 0: the mean lever arm of the joints at the start.")
+          "An error of 1 rad counts as one of so many metres. 0: the mean lever arm of the joints at the start. It "
+          "is a fiftieth of that where they cannot move the tool in all six directions.")
             .atLeast(0);
         v(keepsClear, "keeps_clear",
           "Do not lead the arm nearer to obstacles of the experiment, or to itself, than whole_arm_braking would; "
@@ -39,7 +40,8 @@ void ToolServo::configure(const RunSetup& setup, const Parameters& parameters) {
         RobotModel model(setup.robot);
         Dynamics dynamics;
         model.calcDynamics(setup.start.q, JointVector::Zero(n_), dynamics);
-        options.follower.reference.rotationLength_m = calcLeverArm(dynamics.J);
+        options.follower.reference.rotationLength_m =
+            ToolFreedom(setup.robot, setup.limits).calcRotationLength(dynamics.J);
     }
     surroundings_ = setup.surroundings;
     startTool_ = setup.startTool;

@@ -18,6 +18,24 @@ Summary run(std::vector<std::string> overrides) {
     return runNominalArm(overrides);
 }
 
+TEST(ToolFreedom, IsWhatTheJointsLeaveAndPutsThePositionFirstWhereSomeOfItIsGivenUp) {
+    for (const char* name : {"panda", "ur5e", "indy7", "planar_two_link"}) {
+        const RobotDescription robot = loadArm(name);
+        const ToolFreedom freedom(robot, robot.limits);
+        Dynamics dynamics;
+        RobotModel(robot).calcDynamics(robot.home, JointVector::Zero(robot.size()), dynamics);
+        const bool isWhole = robot.size() >= 6;
+        EXPECT_EQ(freedom.all, isWhole ? 6 : 2) << name;
+        EXPECT_EQ(freedom.ways, isWhole ? 3 : 2) << name;
+        EXPECT_EQ(freedom.describe().empty(), isWhole) << name;
+        const double length = freedom.calcRotationLength(dynamics.J), lever = calcLeverArm(dynamics.J);
+        if (isWhole)
+            EXPECT_EQ(length, lever) << name;
+        else
+            EXPECT_LT(length, 0.05 * lever) << name;
+    }
+}
+
 // Whoever has no jerk limit can be nearer to a hand than whoever keeps one; a controller that knows the limits makes up
 // for it.
 TEST(ToolServo, FollowsAHandBetterThanASpringAndDamperWithoutAJerkLimit) {

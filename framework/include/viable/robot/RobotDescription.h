@@ -59,7 +59,8 @@ struct RobotDescription {
     JointVector home;  ///< [rad]
     SpeedLimits speedLimits;
     Actuation actuation;
-    std::vector<std::string> assumed;  ///< keys of limits.yaml and actuation.yaml whose figures nobody gave
+    /** Figures that nobody gave: "mass (link1)" of the URDF, keys of limits.yaml and actuation.yaml. */
+    std::vector<std::string> assumed;
 
     int size() const { return static_cast<int>(joints.size()); }
     /** The motion of the joint per encoder count [rad, prismatic: m]; 0: no figure. */

@@ -13,21 +13,33 @@ namespace {
 constexpr const char* kOpenLoop = "An arm is a tree of links: open the loop.";
 constexpr const char* kKinds =
     "Supported are revolute, continuous, prismatic and fixed; replace it by such joints, or freeze it: `viable new "
-    "robot "
-    "NAME --urdf FILE --fix JOINT`.";
+    "robot NAME --urdf FILE --fix JOINT`, or --assume where it is floating or planar.";
+constexpr const char* kAssumesMass = "`viable new robot --assume` takes a mass from the shapes.";
 constexpr std::size_t kMostChains = 12;
 /** Names that are compared with all others, for a suggestion. */
 constexpr int kMostSearches = 20;
 
-/** The last chains of an arm with too many joints, longest first. */
-std::string listChains(const UrdfTree& tree) {
-    std::vector<std::pair<int, int>> chains = tree.listChains();
-    std::stable_sort(chains.begin(), chains.end(), [](const auto& a, const auto& b) { return a.second > b.second; });
+/** What to do about too many joints: the chains there are, longest first, and how to take one. */
+std::string proposeChains(const std::string& file, const UrdfTree& tree) {
+    const std::vector<UrdfChain> chains = tree.listChains();
     std::string text;
-    for (std::size_t k = 0; k < std::min(chains.size(), kMostChains); ++k)
-        addItem(text, quoteName(tree.joints[static_cast<std::size_t>(chains[k].first)].child) + " (" +
-                          std::to_string(chains[k].second) + ")");
-    return chains.size() > kMostChains ? text + ", ..." : text;
+    for (std::size_t k = 0; k < std::min(chains.size(), kMostChains); ++k) addItem(text, tree.describe(chains[k]));
+    if (chains.size() > kMostChains) text += ", ...";
+    const auto write = [&](const UrdfChain& chain, const std::string& name) {
+        const std::vector<int> joints = tree.listJoints(chain);
+        std::string command = "`viable new robot " + name + " --urdf " + file + " --tip " +
+                              tree.links[static_cast<std::size_t>(tree.findEnd(chain))].name;
+        if (joints.size() > kMaxJoints)
+            command += " --base " + tree.joints[static_cast<std::size_t>(joints[joints.size() - kMaxJoints])].parent;
+        return command + "`";
+    };
+    const bool hasTwo = chains.size() > 1 && chains[0].count == chains[1].count && chains[0].length == chains[1].length;
+    return (hasTwo ? "Take one chain; the other joints are frozen, where --at JOINT=VALUE puts them. There are two "
+                     "alike: " +
+                         write(chains[0], "ONE") + " and " + write(chains[1], "OTHER")
+                   : "Take one chain, such as " + write(chains[0], "NAME") +
+                         "; the other joints are frozen, where --at JOINT=VALUE puts them") +
+           ". --tip auto takes the longest. Chains end at (moving joints from the base): " + text + ".";
 }
 
 void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, ErrorList& errors) {
@@ -35,7 +47,7 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Erro
     const std::string who = "joint " + quoteName(joint.name);
     if (!readOrigin(*joint.element))
         errors.add(where, "the origin of " + who + " does not consist of finite numbers",
-                   "Correct its xyz and rpy, three numbers each.");
+                   "Correct its xyz and rpy, three numbers each; --assume does not guess.");
     if (!joint.isMoving) return;
     const bool isLimited = joint.type == "revolute" || joint.type == "prismatic";
     if (joint.type == "floating")
@@ -45,7 +57,10 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Erro
         const std::string closest = findClosestName(joint.type, {"fixed", "revolute", "continuous", "prismatic"});
         return errors.add(
             where, who + (joint.type.empty() ? " has no type" : " is of an unknown type, " + quoteName(joint.type)),
-            (joint.type.empty() || closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") + kKinds);
+            (joint.type.empty() || closest.empty()
+                 ? ""
+                 : "Did you mean " + quoteName(closest) + "? `viable new robot --assume` takes it so. ") +
+                kKinds);
     }
     if (const XmlElement* mimic = joint.element->FirstChildElement("mimic"))
         errors.add(
@@ -83,19 +98,21 @@ double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, E
     if (!read) {
         errors.add(where, name + "the <inertial> element is incomplete or holds numbers that are not finite",
                    "It takes <origin xyz=\"...\" rpy=\"...\"/>, <mass value=\"...\"/> and <inertia> with ixx, ixy, "
-                   "ixz, iyy, iyz and izz.");
+                   "ixz, iyy, iyz and izz. `viable new robot --assume` adds what is missing, from the link's shapes.");
         return 1.0;  // unknown, and told
     }
     if (read->mass < 0.0)
-        errors.add(where, name + "the mass is " + formatNumber(read->mass) + " kg", "A mass is zero or positive.");
+        errors.add(where, name + "the mass is " + formatNumber(read->mass) + " kg",
+                   std::string("A mass is zero or positive. ") + kAssumesMass);
     else if (read->mass == 0.0 && !read->inertia.isZero(0.0))
         errors.add(where, name + "there is an inertia without a mass",
-                   "Give the link its mass, or make all six inertia entries zero.");
+                   std::string("Give the link its mass, or make all six inertia entries zero. ") + kAssumesMass);
     else if (const std::string fault = findInertiaFault(read->inertia, false); !fault.empty())
         errors.add(where, name + fault,
                    "Correct <inertia>: URDF takes the tensor about the centre of mass, "
                    "with ixy = -integral of x y dm; some CAD programs export the other "
-                   "sign, or the tensor about the link's origin.");
+                   "sign, or the tensor about the link's origin. `viable new robot --assume` takes the nearest that a "
+                   "body can have.");
     else
         return read->mass;
     return 1.0;  // a fault of its own, told already
@@ -110,7 +127,8 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
             const std::string name = getAttribute(element, "name");
             if (name.empty()) {
                 errors.add(document.place(*element), "the " + std::string(tag) + " has no name",
-                           "Add the attribute `name`.");
+                           std::string("Add the attribute `name`.") +
+                               (tag == std::string("joint") ? " `viable new robot --assume` names it." : ""));
                 continue;
             }
             const auto [other, isNew] = first.emplace(name, element);
@@ -118,7 +136,8 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
                 errors.add(document.place(*element),
                            "there is a second " + std::string(tag) + " " + quoteName(name) + "; the first is at line " +
                                std::to_string(other->second->GetLineNum()),
-                           "Give each a name of its own.");
+                           std::string("Give each a name of its own. `viable new robot --assume` ") +
+                               (tag == std::string("joint") ? "does so." : "drops it where both are the same."));
         }
     }
     const UrdfTree tree(document);
@@ -137,8 +156,9 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
             else if (tree.find.count(link) == 0) {
                 const std::string closest = ++searches > kMostSearches ? "" : findClosestName(link, names);
                 errors.add(where, "the " + tag + " link " + quoteName(link) + " of " + who + " was not found",
-                           closest.empty() ? "Add the link, or correct its name."
-                                           : "Did you mean " + quoteName(closest) + "?");
+                           (closest.empty() ? "Add the link, or correct its name."
+                                            : "Did you mean " + quoteName(closest) + "?") +
+                               " `viable new robot --assume` takes the one of both that makes a tree.");
             }
         }
         const auto [other, isNew] = carrier.emplace(joint.child, joint.name);
@@ -158,9 +178,11 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
         if (link.carrier < 0 && !base) {
             base = &link;
         } else if (link.carrier < 0) {
-            errors.add(document.place(*link.element),
-                       "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
-                       "Add the joint that carries it, or remove it.");
+            errors.add(
+                document.place(*link.element),
+                "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
+                "Add the joint that carries it, or remove it. `viable new robot --assume` leaves out what has no "
+                "moving joint.");
         } else if (!isReached[static_cast<std::size_t>(link.carrier)]) {
             const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(link.carrier)];
             errors.add(document.place(*joint.element),
@@ -172,11 +194,14 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
 void checkUrdfElements(UrdfDocument& document, ErrorList& errors) {
     const bool isWhole = errors.isEmpty();
     const UrdfTree tree(document);
-    int moving = 0;
-    for (const UrdfTree::Joint& joint : tree.joints) {
-        checkJoint(document, joint, errors);
-        moving += joint.isMoving ? 1 : 0;
-    }
+    const auto moving = std::count_if(tree.joints.begin(), tree.joints.end(),
+                                      [](const UrdfTree::Joint& joint) { return joint.isMoving; });
+    if (isWhole && moving > kMaxJoints)  // all else may be about joints that nobody wants to move
+        return errors.add(document.file(),
+                          "the robot has " + std::to_string(moving) + " moving joints; at most " +
+                              std::to_string(kMaxJoints) + " are supported",
+                          proposeChains(document.file(), tree));
+    for (const UrdfTree::Joint& joint : tree.joints) checkJoint(document, joint, errors);
     const std::vector<bool> isMoved = tree.findMoved();
     std::vector<bool> hasMass(tree.links.size());
     for (std::size_t i = 0; i < tree.links.size(); ++i)
@@ -187,19 +212,12 @@ void checkUrdfElements(UrdfDocument& document, ErrorList& errors) {
         if (!joint.isMoving || carriesMass[static_cast<std::size_t>(j)]) continue;
         errors.add(document.place(*tree.links[static_cast<std::size_t>(joint.childLink)].element),
                    "link " + quoteName(joint.child) + ", moved by joint " + quoteName(joint.name) + ", has no mass",
-                   "Give it an <inertial> element with mass and inertia, or make the joint fixed.");
+                   std::string("Give it an <inertial> element with mass and inertia, or make the joint fixed. ") +
+                       kAssumesMass);
     }
-    if (!isWhole) return;  // how many joints there are is open
-    if (moving == 0)
+    if (isWhole && moving == 0)
         errors.add(document.file(), "the robot has no moving joint",
                    "At least one revolute, continuous or prismatic joint is needed.");
-    if (moving > kMaxJoints)
-        errors.add(document.file(),
-                   "the robot has " + std::to_string(moving) + " moving joints; at most " + std::to_string(kMaxJoints) +
-                       " are supported",
-                   "Take one chain: `viable new robot NAME --urdf FILE --tip LINK` freezes the other joints. Chains "
-                   "end at (moving joints from the base): " +
-                       listChains(tree) + ".");
 }
 
 }  // namespace viable::detail

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <initializer_list>
 #include <locale>
+#include <set>
 #include <sstream>
 #include <string_view>
 #include <utility>
@@ -75,7 +77,9 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
         return badInput(file + ":" + std::to_string(line), "this is not XML: " + what,
                         "Check that the file is complete and every element is closed.");
     };
-    int depth = 0;
+    if (const std::size_t at = text.find("<!ENTITY"); at != std::string::npos)
+        throw refuse(at, "it declares an entity, which may grow without end");
+    int depth = 0, moving = 0;
     std::vector<std::size_t> columns;
     std::size_t line = 0, counted = 0;  // where the line begins; how far lines are counted
     for (std::size_t i = 0; i < text.size();) {
@@ -117,6 +121,12 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
         for (; counted < i; ++counted)
             if (text[counted] == '\n') line = counted + 1;
         if (!isEnd) columns.push_back(i - line + 1);
+        const std::string_view tag(text.data() + i, end - i);
+        if (tag.substr(0, 6) == "<joint" && tag.size() > 6 && std::isspace(static_cast<unsigned char>(tag[6])))
+            moving += tag.find("type") != tag.npos && tag.find("fixed") == tag.npos ? 1 : 0;
+        if (moving > kMaxUrdfMoving)
+            throw badInput(file, "the robot has more than " + std::to_string(kMaxUrdfMoving) + " joints that move",
+                           "Take the arm out of the file; no robot has so many.");
         if (!isEnd && text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
             throw badInput(file, "the elements are nested deeper than " + std::to_string(kMaxUrdfDepth) + " levels",
@@ -142,8 +152,26 @@ std::string describeFault(tinyxml2::XMLError fault) {
     }
 }
 
+constexpr std::string_view kXacro = "xacro:";
+
+bool isOneOf(std::string_view name, std::initializer_list<std::string_view> names) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/** Definitions, which change nothing where nobody uses them. */
+bool isXacroDefinition(std::string_view name) {
+    return isOneOf(name, {"xacro:property", "xacro:arg", "xacro:macro"});
+}
+
+/** A call of a macro, and not one of xacro's own elements. */
+bool isXacroCall(std::string_view name) {
+    return name.substr(0, kXacro.size()) == kXacro && !isXacroDefinition(name) &&
+           !isOneOf(name, {"xacro:include", "xacro:if", "xacro:unless", "xacro:insert_block", "xacro:element",
+                           "xacro:attribute", "xacro:call"});
+}
+
 bool isXacro(const XmlElement& element) {
-    if (std::string_view(element.Name()).substr(0, 6) == "xacro:") return true;
+    if (std::string_view(element.Name()).substr(0, kXacro.size()) == kXacro) return true;
     for (const tinyxml2::XMLAttribute* a = element.FirstAttribute(); a; a = a->Next())
         if (std::strstr(a->Value(), "${") || std::strstr(a->Value(), "$(")) return true;
     return false;
@@ -151,9 +179,9 @@ bool isXacro(const XmlElement& element) {
 
 /** Calls `act` for an element and all inside of it, in file order. */
 template <class Act>
-void forEachElement(const XmlElement& element, const Act& act) {
+void forEachElement(XmlElement& element, const Act& act) {
     act(element);
-    for (const XmlElement* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
+    for (XmlElement* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
         forEachElement(*child, act);
 }
 
@@ -169,10 +197,27 @@ constexpr double kShortestAxis = 1e-6;
 
 }  // namespace
 
-UrdfDocument::UrdfDocument(const std::filesystem::path& file) : file_(file.string()), text_(readText(file)) {
-    const std::vector<std::size_t> columns = checkText(text_, file_);
+UrdfDocument::UrdfDocument(const std::filesystem::path& file, const Expand& expand)
+    : file_(file.string()), shown_(file_), text_(readText(file)) {
+    const XmlElement* xacro = parse(static_cast<bool>(expand));
+    if (xacro && expand) {
+        text_ = expand(place(*xacro));
+        shown_ += " (expanded)";
+        notes_ = {file_ + ": xacro was expanded; lines are those of its output"};
+        xacro = parse(false);
+    }
+    if (xacro)
+        throw badInput(place(*xacro),
+                       "this is xacro input, not URDF: <" + std::string(xacro->Name()) + "> still has to be expanded",
+                       "Run `xacro INPUT.xacro > NAME.urdf` and use its output; `viable new robot --assume` does so "
+                       "where xacro is installed.");
+}
+
+const XmlElement* UrdfDocument::parse(bool dropsUnknown) {
+    const std::vector<std::size_t> columns = checkText(text_, shown_);
+    columns_.clear();
     if (const tinyxml2::XMLError fault = xml_.Parse(text_.data(), text_.size()))
-        throw badInput(xml_.ErrorLineNum() > 0 ? file_ + ":" + std::to_string(xml_.ErrorLineNum()) : file_,
+        throw badInput(xml_.ErrorLineNum() > 0 ? shown_ + ":" + std::to_string(xml_.ErrorLineNum()) : shown_,
                        "this is not XML: " + describeFault(fault),
                        "Check that the file is complete and every element is closed.");
     xml_.SetBOM(false);  // the printed text begins with its first character
@@ -181,14 +226,38 @@ UrdfDocument::UrdfDocument(const std::filesystem::path& file) : file_(file.strin
         throw badInput(
             file_, "the file's root is " + (root ? "<" + std::string(root->Name()) + ">" : "missing") + ", not <robot>",
             "Only URDF is read; convert other formats (SDF, MJCF) first.");
-    forEachElement(*root, [&](const XmlElement& element) {
+    std::vector<XmlElement*> found, unused, unknown;  // calls of macros that no definition can be of are unknown
+    std::set<std::string> macros;
+    bool includes = false;
+    const XmlElement* skipped = nullptr;  // whose inside is not looked at
+    forEachElement(*xml_.RootElement(), [&](XmlElement& element) {
         if (columns_.size() < columns.size()) columns_.emplace(&element, columns[columns_.size()]);
-        if (isXacro(element))
-            throw badInput(
-                place(element),
-                "this is xacro input, not URDF: <" + std::string(element.Name()) + "> still has to be expanded",
-                "Run `xacro INPUT.xacro > NAME.urdf` and use its output.");
+        for (const tinyxml2::XMLNode* above = element.Parent(); skipped && above; above = above->Parent())
+            if (above == skipped) return;
+        const std::string_view name = element.Name();
+        includes = includes || name == "xacro:include";
+        if (name == "xacro:macro") macros.insert(std::string(kXacro) + getAttribute(&element, "name"));
+        if (isXacroDefinition(name)) {
+            unused.push_back(&element);
+            skipped = &element;
+        } else if (element.Parent() == root && isOneOf(name, {"gazebo", "transmission", "sensor"})) {
+            skipped = &element;  // says nothing about the arm
+        } else if (isXacro(element)) {
+            (isXacroCall(name) ? unknown : found).push_back(&element);
+        }
     });
+    if (includes || !dropsUnknown ||
+        std::any_of(unknown.begin(), unknown.end(), [&](const XmlElement* e) { return macros.count(e->Name()) > 0; }))
+        found.insert(found.end(), unknown.begin(), unknown.end());
+    if (!found.empty())
+        return *std::min_element(found.begin(), found.end(),
+                                 [](const auto* a, const auto* b) { return a->GetLineNum() < b->GetLineNum(); });
+    for (const auto& [elements, why] : {std::pair(&unused, "nothing uses it"), {&unknown, "nothing defines it"}})
+        for (auto at = elements->rbegin(); at != elements->rend(); ++at) {  // inner ones first
+            notes_.push_back(place(**at) + ": <" + (*at)->Name() + "> is left out: " + why);
+            (*at)->Parent()->DeleteChild(*at);
+        }
+    return nullptr;
 }
 
 UrdfDocument::~UrdfDocument() = default;
@@ -207,7 +276,7 @@ std::vector<XmlElement*> UrdfDocument::list(const char* tag) {
 }
 
 std::string UrdfDocument::place(const XmlElement& element) const {
-    const std::string line = file_ + ":" + std::to_string(element.GetLineNum());
+    const std::string line = shown_ + ":" + std::to_string(element.GetLineNum());
     const auto column = columns_.find(&element);
     return column != columns_.end() ? line + ":" + std::to_string(column->second) : line;
 }
@@ -296,17 +365,51 @@ std::vector<bool> UrdfTree::findCarried(const std::vector<bool>& has) const {
     return carried;
 }
 
-std::vector<std::pair<int, int>> UrdfTree::listChains() const {
+std::vector<UrdfChain> UrdfTree::listChains() const {
     const std::vector<bool> beyond = findMovingBeyond();
-    std::vector<int> moving(links.size());  // joints from the base to a link
-    std::vector<std::pair<int, int>> chains;
+    std::vector<UrdfChain> to(links.size()), chains;
     for (const int j : outwards) {
         const Joint& joint = joints[static_cast<std::size_t>(j)];
-        const int count = moving[static_cast<std::size_t>(joint.parentLink)] + (joint.isMoving ? 1 : 0);
-        moving[static_cast<std::size_t>(joint.childLink)] = count;
-        if (joint.isMoving && !beyond[static_cast<std::size_t>(j)]) chains.emplace_back(j, count);
+        UrdfChain& chain = to[static_cast<std::size_t>(joint.childLink)];
+        chain = to[static_cast<std::size_t>(joint.parentLink)];
+        const auto origin = readOrigin(*joint.element);
+        if (origin && chain.count > 0) chain.length += origin->translation().norm();
+        if (!joint.isMoving) continue;
+        ++chain.count;
+        chain.last = j;
+        if (!beyond[static_cast<std::size_t>(j)]) chains.push_back(chain);
     }
+    // To a tenth of a millimetre: of two arms alike, the first.
+    for (UrdfChain& chain : chains) chain.length = std::round(1e4 * chain.length) / 1e4;
+    std::stable_sort(chains.begin(), chains.end(), [](const UrdfChain& a, const UrdfChain& b) {
+        return std::pair(a.count, a.length) > std::pair(b.count, b.length);
+    });
     return chains;
+}
+
+int UrdfTree::findEnd(const UrdfChain& chain) const {
+    int end = joints[static_cast<std::size_t>(chain.last)].childLink;
+    while (links[static_cast<std::size_t>(end)].joints.size() == 1)
+        end = joints[static_cast<std::size_t>(links[static_cast<std::size_t>(end)].joints.front())].childLink;
+    return end;
+}
+
+std::vector<int> UrdfTree::listJoints(const UrdfChain& chain) const {
+    std::vector<int> moving;
+    for (const int j : listJointsAbove(joints[static_cast<std::size_t>(chain.last)].childLink))
+        if (joints[static_cast<std::size_t>(j)].isMoving) moving.push_back(j);
+    std::reverse(moving.begin(), moving.end());
+    return moving;
+}
+
+std::string UrdfTree::describe(const UrdfChain& chain) const {
+    constexpr std::size_t kMost = 20;
+    const std::vector<int> chosen = listJoints(chain);
+    std::string names;
+    for (std::size_t k = 0; k < std::min(chosen.size(), kMost); ++k)
+        names += (k > 0 ? ", " : "") + joints[static_cast<std::size_t>(chosen[k])].name;
+    return quoteName(links[static_cast<std::size_t>(findEnd(chain))].name) + " (" + std::to_string(chain.count) + ": " +
+           names + (chosen.size() > kMost ? ", ..." : "") + ")";
 }
 
 std::string quoteName(const std::string& name) {

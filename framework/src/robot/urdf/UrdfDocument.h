@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -19,28 +20,53 @@ compares each attribute with all others. */
 inline constexpr std::uintmax_t kMaxUrdfBytes = 4u << 20;
 inline constexpr int kMaxUrdfDepth = 64;
 inline constexpr int kMaxUrdfAttributes = 100;
+/** Most joints that move, of a robot out of which an arm may be taken. */
+inline constexpr int kMaxUrdfMoving = 1000;
+
+/** Attribute of joints and links: what of them nobody gave, words apart by blanks. */
+inline constexpr const char* kAssumed = "assumed";
 
 /** A URDF file as XML elements, which can be changed before the robot is read from them. */
 class UrdfDocument {
 public:
-    /** Throws Error (BadInput): the file cannot be read, or is no URDF at all. */
-    explicit UrdfDocument(const std::filesystem::path& file);
+    /** Gives the text of a xacro file as URDF. @param where  the element that needs it: file:line:column */
+    using Expand = std::function<std::string(const std::string& where)>;
+
+    /** Throws Error (BadInput): the file cannot be read, or is no URDF at all. What of xacro changes nothing is left out.
+    @param expand  for other xacro; none: it is refused */
+    explicit UrdfDocument(const std::filesystem::path& file, const Expand& expand = {});
     ~UrdfDocument();  // there, so that other libraries need not link to tinyxml2
 
     const std::string& file() const { return file_; }
     /** The file's bytes. */
     const std::string& text() const { return text_; }
+    /** What of the file was left out or expanded, one sentence each. */
+    const std::vector<std::string>& notes() const { return notes_; }
     /** The elements as they are now. */
     std::string print() const;
+    XmlElement& root() { return *xml_.RootElement(); }
     /** The robot's elements with this tag, in file order. */
     std::vector<XmlElement*> list(const char* tag);
     /** file:line:column. */
     std::string place(const XmlElement& element) const;
 
 private:
-    std::string file_, text_;
+    /** Parses the text.
+    @param dropsUnknown  leaves calls of macros out that the file neither defines nor includes
+    @return  the first element that xacro must expand; null: none */
+    const XmlElement* parse(bool dropsUnknown);
+
+    std::string file_, shown_, text_;  ///< `shown_`: for places
+    std::vector<std::string> notes_;
     tinyxml2::XMLDocument xml_{true, tinyxml2::COLLAPSE_WHITESPACE};
     std::unordered_map<const XmlElement*, std::size_t> columns_;  ///< where the file's elements begin in their lines
+};
+
+/** Moving joints in a row, from the base to one with no moving joint beyond it. */
+struct UrdfChain {
+    int last = -1;  ///< joint
+    int count = 0;
+    double length = 0.0;  ///< of the way along their origins [m]
 };
 
 /** Joints and links of a document that have a name, and what hangs on what. */
@@ -74,8 +100,14 @@ struct UrdfTree {
     /** By joint: whether it carries a link for which `has` is true, itself or through fixed joints.
     @param has  by link */
     std::vector<bool> findCarried(const std::vector<bool>& has) const;
-    /** Moving joints with none beyond them, each with the number of moving joints from the base to it. */
-    std::vector<std::pair<int, int>> listChains() const;
+    /** All of them; those of most joints first, of these the longest. */
+    std::vector<UrdfChain> listChains() const;
+    /** Of a chain, base first. */
+    std::vector<int> listJoints(const UrdfChain& chain) const;
+    /** The link in which a chain ends: the last joint's, or where there is one, the only one fixed to it. */
+    int findEnd(const UrdfChain& chain) const;
+    /** "`tip` (2: a, b)" */
+    std::string describe(const UrdfChain& chain) const;
 };
 
 std::string quoteName(const std::string& name);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <mutex>
 
+#include "core/Text.h"
 #include "robot/RigidBody.h"
 #include "robot/urdf/UrdfChecks.h"
 
@@ -88,6 +89,14 @@ public:
         addBodies(robot);
         for (const UrdfTree::Link& link : tree_.links)
             if (link.joints.empty()) robot.leafLinks.push_back(link.name);
+        std::map<std::string, std::string> assumed;  // names, by what of them
+        const auto addAssumed = [&](const XmlElement& element, const std::string& name) {
+            std::istringstream words(getAttribute(&element, kAssumed));
+            for (std::string what; words >> what;) addItem(assumed[makePrintable(what)], makePrintable(name));
+        };
+        for (const UrdfTree::Joint& joint : tree_.joints) addAssumed(*joint.element, joint.name);
+        for (const UrdfTree::Link& link : tree_.links) addAssumed(*link.element, link.name);
+        for (const auto& [what, names] : assumed) robot.assumed.push_back(what + " (" + names + ")");
         return robot;
     }
 

@@ -37,6 +37,7 @@ struct UrdfRobot {
     std::map<std::string, LinkShapes> shapes;  ///< by link: its visual elements, else its collision ones
     std::map<std::string, LinkShapes> solids;  ///< by link: its collision elements, else its visual ones
     std::vector<std::string> leafLinks;        ///< links that carry no joint, in file order
+    std::vector<std::string> assumed;          ///< what of it nobody gave, such as "mass (link1, link2)"
 };
 
 /** Reads a URDF file; throws Error (BadInput) with all that is wrong with it, each with the line of the joint or link at

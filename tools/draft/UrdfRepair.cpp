@@ -1,4 +1,4 @@
-#include "robot/urdf/UrdfRepair.h"
+#include "draft/UrdfRepair.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -16,6 +16,8 @@ namespace {
 constexpr double kLargestInertiaSlip = 0.05;
 /** Moments are mended to this much better than the limit, so that rounding does not undo it. */
 constexpr double kInertiaMargin = 1e-9;
+/** Of an assumed tensor: smallest moment, as a share of the largest. That of a rod ten times as long as thick. */
+constexpr double kThinShare = 0.01;
 
 /** Joints that mimic each other in a row; more go in a circle. */
 constexpr int kMostFollowed = 16;
@@ -42,26 +44,73 @@ void setVector(XmlElement& element, const char* name, const Eigen::Vector3d& v) 
     element.SetAttribute(name, (formatNumber(v.x()) + " " + formatNumber(v.y()) + " " + formatNumber(v.z())).c_str());
 }
 
+/** Writes the six entries of an <inertia>. */
+void writeTensor(XmlElement& tensor, const Eigen::Matrix3d& I) {
+    const char* const names[3][3] = {{"ixx", "ixy", "ixz"}, {"", "iyy", "iyz"}, {"", "", "izz"}};
+    for (int i = 0; i < 3; ++i)
+        for (int k = i; k < 3; ++k) tensor.SetAttribute(names[i][k], formatNumber(I(i, k)).c_str());
+}
+
+/** The element in it of that name, added where there is none. */
+XmlElement& demandChild(XmlElement& parent, const char* name) {
+    XmlElement* child = parent.FirstChildElement(name);
+    return child ? *child : *parent.InsertNewChildElement(name);
+}
+
+/** The nearest principal moments (Frobenius norm) that a body can have, of ones in ascending order that none has; zeros
+where there are none.
+@param thickens  a rod without thickness gets one */
+Eigen::Vector3d findNearestMoments(const Eigen::Vector3d& moments, bool thickens) {
+    // A third of the excess to each, and a hair more, so that rounding does not undo it.
+    const double share = std::max(0.0, moments[2] - moments[0] - moments[1] + kInertiaMargin * moments[2]) / 3.0;
+    const Eigen::Vector3d near = moments + Eigen::Vector3d(share, share, -share);
+    const double least = kInertiaMargin * near[2];  // or the second moment would pass the sum of the others
+    if (near[0] > least) return near;
+    if (!thickens && moments[0] >= 0.0 && least > 0.0) return {least, near[1], near[2]};
+    const double rod = 0.5 * (moments[1] + moments[2]);
+    return rod > 0.0 ? Eigen::Vector3d(kThinShare * rod, rod, rod) : Eigen::Vector3d::Zero();
+}
+
+std::string showMoments(const Eigen::Vector3d& m) {
+    return format("%.3g, %.3g, %.3g kg m^2", m[0], m[1], m[2]);
+}
+
 class Repair {
 public:
-    Repair(UrdfDocument& document, const UrdfChoice& choice, ErrorList& errors)
-        : document_(document), tree_(document), choice_(choice), errors_(errors) {}
+    Repair(UrdfDocument& document, const UrdfChoice& choice, bool assumes, ErrorList& errors)
+        : document_(document), tree_(document), choice_(choice), assumes_(assumes), errors_(errors) {}
 
-    std::vector<std::string> run() {
+    UrdfRepairs run() {
         const bool isWhole = errors_.isEmpty();
         for (std::size_t j = 0; j < tree_.joints.size(); ++j)
             byName_.emplace(tree_.joints[j].name, static_cast<int>(j));
         readChoice();
         findRests();
-        for (const auto& [j, value] : fixed_) freezeAndNote(joint(j), "--fix");
+        for (const int j : fixed_) freezeAndNote(joint(j), "--fix");
+        if (assumes_)
+            for (UrdfTree::Joint& joint : tree_.joints)
+                if (joint.type == "floating" || joint.type == "planar")
+                    freezeAndNote(joint, "it is of type " + joint.type + ", and the base of an arm stays where it is");
         if (isWhole && errors_.isEmpty()) freezeOutsideOfChain();
         freezeCoupled();
         freezeGrippers();
+        if (assumes_)
+            for (const UrdfTree::Link& link : tree_.links) dropFalseBody(link);
         freezeWeightless();
+        if (isWhole && errors_.isEmpty() && choice_.tip == kAutoTip) chooseTip();
+        for (const auto& [j, value] : places_)
+            if (joint(j).isMoving)
+                errors_.add("--at", "joint " + quoteName(joint(j).name) + " is one of those that move",
+                            "Write --fix " + joint(j).name + "=" + formatNumber(value) + " to freeze it there.");
+        if (std::count_if(tree_.joints.begin(), tree_.joints.end(),
+                          [](const UrdfTree::Joint& joint) { return joint.isMoving; }) > kMaxJoints)
+            return std::move(repairs_);  // refused in any case
         for (const UrdfTree::Joint& joint : tree_.joints)
             if (joint.isMoving) addLimits(joint);
-        for (const UrdfTree::Link& link : tree_.links) mendInertia(link);
-        return std::move(notes_);
+        const std::vector<bool> isMoved = tree_.findMoved();
+        for (std::size_t i = 0; i < tree_.links.size(); ++i) mendInertia(tree_.links[i], assumes_ && isMoved[i]);
+        if (assumes_ && isWhole) addBodies();
+        return std::move(repairs_);
     }
 
 private:
@@ -69,7 +118,7 @@ private:
     const UrdfTree::Link& link(int i) const { return tree_.links[static_cast<std::size_t>(i)]; }
     std::string place(const UrdfTree::Joint& joint) const { return document_.place(*joint.element); }
     void note(const XmlElement& element, const std::string& text) {
-        notes_.push_back(document_.place(element) + ": " + text);
+        repairs_.notes.push_back(document_.place(element) + ": " + text);
     }
 
     // ------------------------------------------------------------------------------------ choice
@@ -94,10 +143,9 @@ private:
     }
 
     void readChoice() {
-        const int base = requireLink("--base", choice_.base), tip = requireLink("--tip", choice_.tip);
-        onTip_ = tip < 0 ? std::vector<int>{} : tree_.listJointsAbove(tip);
-        isOnTip_.assign(tree_.joints.size(), false);
-        for (const int j : onTip_) isOnTip_[static_cast<std::size_t>(j)] = true;
+        const int base = requireLink("--base", choice_.base);
+        const int tip = choice_.tip == kAutoTip ? -1 : requireLink("--tip", choice_.tip);
+        setTip(tip);
         if (base >= 0) {
             below_.assign(tree_.joints.size(), false);
             std::vector<bool> isBelow(tree_.links.size());
@@ -116,10 +164,32 @@ private:
                 return joint(j).isMoving && (below_.empty() || below_[static_cast<std::size_t>(j)]);
             }))
             errors_.add("--tip", "no joint moves link " + quoteName(choice_.tip), "Name a link at the end of the arm.");
-        for (const std::string& text : choice_.fixed) readFixed(text);
+        for (const std::string& text : choice_.fixed) readPlace(text, "--fix");
+        for (const std::string& text : choice_.at) readPlace(text, "--at");
     }
 
-    void readFixed(const std::string& text) {
+    void setTip(int tip) {
+        if (tip >= 0) repairs_.tip = link(tip).name;
+        onTip_ = tip < 0 ? std::vector<int>{} : tree_.listJointsAbove(tip);
+        isOnTip_.assign(tree_.joints.size(), false);
+        for (const int j : onTip_) isOnTip_[static_cast<std::size_t>(j)] = true;
+    }
+
+    /** The end of the longest arm there is, and all else frozen. */
+    void chooseTip() {
+        const std::vector<UrdfChain> chains = tree_.listChains();
+        if (chains.empty()) return;
+        setTip(tree_.findEnd(chains.front()));
+        note(*link(tree_.find.at(repairs_.tip)).element,
+             "--tip auto takes the longest arm, that of " + tree_.describe(chains.front()) +
+                 (chains.size() > 1 ? "; the next is that of " + tree_.describe(chains[1]) + ": --tip " +
+                                          link(tree_.findEnd(chains[1])).name
+                                    : ""));
+        freezeOutsideOfChain();
+    }
+
+    /** @param option  --fix or --at */
+    void readPlace(const std::string& text, const std::string& option) {
         const std::size_t sign = text.rfind('=');
         const std::string name = findJoint(text) >= 0 ? text : text.substr(0, sign);
         const int j = findJoint(name);
@@ -128,34 +198,36 @@ private:
             for (const UrdfTree::Joint& known : tree_.joints)
                 if (known.isMoving) names.push_back(known.name);
             const std::string closest = findClosestName(name, names);
-            return errors_.add("--fix", "the robot has no joint " + quoteName(name),
+            return errors_.add(option, "the robot has no joint " + quoteName(name),
                                (closest.empty() ? "" : "Did you mean " + quoteName(closest) + "? ") +
                                    "Its moving joints are " + listSome(names) + ".");
         }
         if (!joint(j).isMoving)
-            return errors_.add("--fix", "joint " + quoteName(name) + " is fixed already", "Leave it out.");
-        if (fixed_.count(j) > 0)
-            return errors_.add("--fix", "joint " + quoteName(name) + " is named twice", "Name it once.");
-        std::optional<double> value;  // as at rest
+            return errors_.add(option, "joint " + quoteName(name) + " is fixed already", "Leave it out.");
+        if (fixed_.count(j) + places_.count(j) > 0)
+            return errors_.add(option, "joint " + quoteName(name) + " is named twice", "Name it once.");
         if (name != text && (joint(j).type == "floating" || joint(j).type == "planar"))
-            return errors_.add("--fix",
+            return errors_.add(option,
                                "joint " + quoteName(name) + " of type " + joint(j).type + " has no single position",
                                "Write --fix " + name + ": it stays where its <origin> puts it.");
         if (name != text) {
             const std::optional<double> given = parseNumber(text.substr(sign + 1));
             double lower, upper;
             if (!given)
-                return errors_.add("--fix",
+                return errors_.add(option,
                                    "`" + text.substr(sign + 1) + "` is no position for joint " + quoteName(name),
-                                   "Write --fix " + name + "=0.5, in radians or metres.");
+                                   "Write " + option + " " + name + "=0.5, in radians or metres.");
             if (readRange(joint(j), lower, upper) && (*given < lower || *given > upper))
-                return errors_.add("--fix",
+                return errors_.add(option,
                                    "joint " + quoteName(name) + " cannot be at " + formatNumber(*given) +
                                        ": its limits are " + formatNumber(lower) + " to " + formatNumber(upper),
                                    "Choose a position inside them.");
-            value = *given;
+            places_[j] = *given;
+        } else if (option == "--at") {
+            return errors_.add(option, "no position is given for joint " + quoteName(name),
+                               "Write --at " + name + "=0.5, in radians or metres.");
         }
-        fixed_[j] = value;
+        if (option == "--fix") fixed_.insert(j);
     }
 
     /** The position limits of a joint that has a range. */
@@ -167,10 +239,10 @@ private:
         return lower < upper;
     }
 
-    /** Where a joint is that nobody moves: where --fix puts it, where the joint that it mimics leaves it, at zero, or in the
+    /** Where a joint is that nobody moves: where --fix or --at puts it, where the joint that it mimics leaves it, at zero, or in the
     middle of a range that does not hold zero. Nothing where its <mimic>, or one of those that it follows, leads nowhere. */
     std::optional<double> findRest(int j, int followed) const {
-        if (const auto fixed = fixed_.find(j); fixed != fixed_.end() && fixed->second) return fixed->second;
+        if (const auto place = places_.find(j); place != places_.end()) return place->second;
         const UrdfTree::Joint& at = tree_.joints[static_cast<std::size_t>(j)];
         if (const XmlElement* mimic = at.element->FirstChildElement("mimic")) {
             const int leader = findJoint(getAttribute(mimic, "joint"));
@@ -194,6 +266,7 @@ private:
             rest_[static_cast<int>(j)] = rest.value_or(0.0);
             if (rest) continue;
             const std::string leader = getAttribute(joint.element->FirstChildElement("mimic"), "joint");
+            if (assumes_ && findJoint(leader) < 0) continue;  // told where it is frozen
             errors_.add(
                 place(joint),
                 "joint " + quoteName(joint.name) + " mimics joint " + quoteName(leader) +
@@ -229,10 +302,9 @@ private:
             const bool isUpright = std::hypot(R(0, 0), R(1, 0)) < 1e-9;
             const double roll = isUpright ? 0.0 : std::atan2(R(2, 1), R(2, 2));
             const double yaw = isUpright ? std::atan2(-R(0, 1), R(1, 1)) : std::atan2(R(1, 0), R(0, 0));
-            XmlElement* to = element.FirstChildElement("origin");
-            if (!to) to = element.InsertNewChildElement("origin");
-            setVector(*to, "xyz", pose.translation());
-            setVector(*to, "rpy", {roll, pitch, yaw});
+            XmlElement& to = demandChild(element, "origin");
+            setVector(to, "xyz", pose.translation());
+            setVector(to, "rpy", {roll, pitch, yaw});
         }
         element.SetAttribute("type", "fixed");
         for (const char* tag : {"axis", "limit", "mimic", "calibration", "dynamics", "safety_controller"})
@@ -254,13 +326,13 @@ private:
         std::vector<std::string> frozen;
         for (std::size_t j = 0; j < tree_.joints.size(); ++j) {
             const bool isOutside =
-                (!below_.empty() && !below_[j]) || (!choice_.tip.empty() && !isOnChain(static_cast<int>(j)));
+                (!below_.empty() && !below_[j]) || (!repairs_.tip.empty() && !isOnChain(static_cast<int>(j)));
             UrdfTree::Joint& outside = tree_.joints[j];
             if (!isOutside || !outside.isMoving) continue;
             if (freeze(outside)) frozen.push_back(outside.name + " at " + formatNumber(getRest(outside)));
         }
         if (!frozen.empty())
-            notes_.push_back(document_.file() + ": outside of the chosen chain, and frozen: " + join(frozen));
+            repairs_.notes.push_back(document_.file() + ": outside of the chosen chain, and frozen: " + join(frozen));
     }
 
     void freezeCoupled() {
@@ -269,7 +341,8 @@ private:
             if (!coupled.isMoving || !mimic || isOnChain(findJoint(coupled.name))) continue;
             const std::string leader = getAttribute(mimic, "joint");
             leaders_.insert(findJoint(leader));
-            freezeAndNote(coupled, "it mimics joint " + quoteName(leader));
+            freezeAndNote(coupled, "it mimics joint " + quoteName(leader) +
+                                       (findJoint(leader) < 0 ? ", which is not there" : ""));
         }
     }
 
@@ -332,6 +405,9 @@ private:
             const XmlElement* inertial = tree_.links[i].element->FirstChildElement("inertial");
             const auto read = inertial ? readInertial(*inertial) : std::nullopt;
             hasMass[i] = inertial && (!read || read->mass != 0.0);  // what cannot be read is told by the checks
+            const XmlElement& element = *tree_.links[i].element;    // a drawn link gets its mass where it has none
+            if (assumes_ && (element.FirstChildElement("visual") || element.FirstChildElement("collision")))
+                hasMass[i] = true;
         }
         const std::vector<bool> carries = tree_.findCarried(hasMass);
         freezeEnds([&](int j) { return !carries[static_cast<std::size_t>(j)]; },
@@ -359,52 +435,134 @@ private:
 
     // ------------------------------------------------------------------------------------ bodies
 
-    void mendInertia(const UrdfTree::Link& link) {
+    /** Takes away an <inertial> that states no mass that a body can have. What is no number stays, for the checks. */
+    void dropFalseBody(const UrdfTree::Link& link) {
         XmlElement* inertial = link.element->FirstChildElement("inertial");
         if (!inertial) return;
+        const std::string written = getAttribute(inertial->FirstChildElement("mass"), "value");
+        const std::optional<double> mass = parseNumber(written);
         const auto read = readInertial(*inertial);
-        if (!read || !(read->mass > 0.0)) return;
-        const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(read->inertia);
-        Eigen::Vector3d moments = solver.eigenvalues();
-        const double excess = moments[2] - moments[0] - moments[1];
-        if (!(moments[0] >= 0.0) || !(excess > 1e-14 * moments.sum()) || !(excess < kLargestInertiaSlip * moments[2]))
+        if (!written.empty() && (!mass || *mass > 0.0 || (*mass == 0.0 && read && read->inertia.isZero(0.0)))) return;
+        note(*link.element, "link " + quoteName(link.name) + ": its <inertial> is left out, because " +
+                                (written.empty() ? "it states no mass" : "its mass is " + written + " kg"));
+        link.element->DeleteChild(inertial);
+    }
+
+    /** @param assumes  what is further off than rounding becomes that of a body, too */
+    void mendInertia(const UrdfTree::Link& link, bool assumes) {
+        XmlElement* inertial = link.element->FirstChildElement("inertial");
+        if (!inertial) return;
+        const auto mass = parseNumber(getAttribute(inertial->FirstChildElement("mass"), "value"));
+        const auto read = readInertial(*inertial);
+        if (!mass || !(*mass > 0.0)) return;
+        if (!read) {
+            if (assumes && isIncomplete(inertial->FirstChildElement("inertia")))
+                leaveInertia(link, *inertial, *mass, "no inertia is given");
             return;
-        // The nearest tensor that a body can have (Frobenius norm): a third of the excess to each moment.
-        const double share = (excess + kInertiaMargin * moments[2]) / 3.0;
-        moments += Eigen::Vector3d(share, share, -share);
+        }
+        const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(read->inertia);
+        const Eigen::Vector3d moments = solver.eigenvalues();
+        const double excess = moments[2] - moments[0] - moments[1];
+        if (assumes && read->inertia.isZero(0.0)) return leaveInertia(link, *inertial, *mass, "its inertia is zero");
+        const bool isRod = assumes && std::abs(moments[0]) <= kInertiaMargin * moments[2];
+        if (!isRod && moments[0] >= 0.0 && !(excess > 1e-14 * moments.sum())) return;
+        const bool isSlip = !isRod && moments[0] >= 0.0 && excess < kLargestInertiaSlip * moments[2];
+        if (!isSlip && !assumes) return;
+        const Eigen::Vector3d near = findNearestMoments(moments, isRod);
+        if (near.isZero(0.0))
+            return leaveInertia(link, *inertial, *mass,
+                                "no body is near its principal moments " + showMoments(moments));
         const Eigen::Matrix3d& axes = solver.eigenvectors();
-        const Eigen::Matrix3d mended = axes * moments.asDiagonal() * axes.transpose();
-        XmlElement& tensor = *inertial->FirstChildElement("inertia");
-        tensor.SetAttribute("ixx", formatNumber(mended(0, 0)).c_str());
-        tensor.SetAttribute("ixy", formatNumber(mended(0, 1)).c_str());
-        tensor.SetAttribute("ixz", formatNumber(mended(0, 2)).c_str());
-        tensor.SetAttribute("iyy", formatNumber(mended(1, 1)).c_str());
-        tensor.SetAttribute("iyz", formatNumber(mended(1, 2)).c_str());
-        tensor.SetAttribute("izz", formatNumber(mended(2, 2)).c_str());
-        note(*link.element, "link " + quoteName(link.name) +
-                                ": the largest principal moment of inertia was above the sum of the other two by " +
-                                format("%.2g", 100.0 * excess / solver.eigenvalues()[2]) +
-                                " %, which no body has; changed to the nearest tensor that one can have");
+        writeTensor(*inertial->FirstChildElement("inertia"), axes * near.asDiagonal() * axes.transpose());
+        if (!isSlip) {
+            markAssumed(*link.element, "inertia");
+            repairs_.inertias.push_back(link.name);
+        }
+        note(
+            *link.element,
+            "link " + quoteName(link.name) + ": " +
+                (isRod              ? "a principal moment of inertia was zero, as of a rod without thickness"
+                 : moments[0] < 0.0 ? "a principal moment of inertia was negative"
+                                    : "the largest principal moment of inertia was above the sum of the other two by " +
+                                          format("%.2g", 100.0 * excess / moments[2]) + " %") +
+                ", which no body has; changed to the nearest tensor that one can have, from " + showMoments(moments) +
+                " to " + showMoments(near));
+    }
+
+    /** Whether a tensor lacks entries, and those that it has are numbers. */
+    static bool isIncomplete(const XmlElement* tensor) {
+        bool lacks = !tensor;
+        for (const char* name : {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}) {
+            const char* const text = tensor ? tensor->Attribute(name) : nullptr;
+            if (text && !parseNumber(text)) return false;
+            lacks = lacks || !text;
+        }
+        return lacks;
+    }
+
+    void leaveInertia(const UrdfTree::Link& link, XmlElement& inertial, double mass, const std::string& why) {
+        constexpr double kPlaceholder_m2 = 1e-4;
+        writeTensor(demandChild(inertial, "inertia"), mass * kPlaceholder_m2 * Eigen::Matrix3d::Identity());
+        markAssumed(*link.element, "inertia");
+        repairs_.bodies.emplace(link.name, MissingBody::Inertia);
+        note(*link.element,
+             "link " + quoteName(link.name) + ": " + why + "; that of its shape with its mass is assumed");
+    }
+
+    /** A placeholder for each moving joint that moves no mass. */
+    void addBodies() {
+        std::vector<bool> hasMass(tree_.links.size());
+        for (std::size_t i = 0; i < tree_.links.size(); ++i) {
+            const XmlElement* inertial = tree_.links[i].element->FirstChildElement("inertial");
+            hasMass[i] = inertial && getAttribute(inertial->FirstChildElement("mass"), "value") != "" &&
+                         parseNumber(getAttribute(inertial->FirstChildElement("mass"), "value")) != 0.0;
+        }
+        const std::vector<bool> carries = tree_.findCarried(hasMass);
+        for (const int j : tree_.outwards) {
+            if (!joint(j).isMoving || carries[static_cast<std::size_t>(j)]) continue;
+            const UrdfTree::Link& bare = link(joint(j).childLink);
+            writeBody(*bare.element, {1.0, Eigen::Vector3d::Zero(), 1e-3 * Eigen::Matrix3d::Identity()});
+            markAssumed(*bare.element, "mass");
+            repairs_.bodies[bare.name] = MissingBody::All;
+            note(*bare.element, "link " + quoteName(bare.name) + ", moved by joint " + quoteName(joint(j).name) +
+                                    ", had no mass; one is assumed");
+        }
     }
 
     UrdfDocument& document_;
     UrdfTree tree_;
     const UrdfChoice& choice_;
+    const bool assumes_;
     ErrorList& errors_;
-    std::vector<std::string> notes_;
-    std::map<std::string, int> byName_;           ///< joints
-    std::map<int, std::optional<double>> fixed_;  ///< joints of --fix, and where
-    std::map<int, double> rest_;                  ///< where each moving joint is when nobody moves it
-    std::vector<int> onTip_;                      ///< joints that carry the tip, nearest first
-    std::vector<bool> isOnTip_;                   ///< the same, by joint
-    std::vector<bool> below_;                     ///< by joint: hangs on the base; empty: no base is chosen
-    std::set<int> leaders_;                       ///< joints that others mimic
+    UrdfRepairs repairs_;
+    std::map<std::string, int> byName_;  ///< joints
+    std::set<int> fixed_;                ///< joints of --fix
+    std::map<int, double> places_;       ///< where --fix and --at put joints
+    std::map<int, double> rest_;         ///< where each moving joint is when nobody moves it
+    std::vector<int> onTip_;             ///< joints that carry the tip, nearest first
+    std::vector<bool> isOnTip_;          ///< the same, by joint
+    std::vector<bool> below_;            ///< by joint: hangs on the base; empty: no base is chosen
+    std::set<int> leaders_;              ///< joints that others mimic
 };
 
 }  // namespace
 
-std::vector<std::string> repairUrdf(UrdfDocument& document, const UrdfChoice& choice, ErrorList& errors) {
-    return Repair(document, choice, errors).run();
+void markAssumed(XmlElement& element, const std::string& what) {
+    std::string text = getAttribute(&element, kAssumed);
+    addItem(text, what, " ");
+    element.SetAttribute(kAssumed, text.c_str());
+}
+
+void writeBody(XmlElement& link, const BodyInertia& body) {
+    while (XmlElement* before = link.FirstChildElement("inertial")) link.DeleteChild(before);
+    XmlElement& inertial = *link.InsertNewChildElement("inertial");
+    setVector(demandChild(inertial, "origin"), "xyz", body.com);
+    demandChild(inertial, "mass").SetAttribute("value", formatNumber(body.mass).c_str());
+    writeTensor(demandChild(inertial, "inertia"), body.inertia);
+}
+
+UrdfRepairs repairUrdf(UrdfDocument& document, const UrdfChoice& choice, bool assumes, ErrorList& errors) {
+    return Repair(document, choice, assumes, errors).run();
 }
 
 }  // namespace viable::detail
