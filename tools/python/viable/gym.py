@@ -1,4 +1,4 @@
-"""Environments for Gymnasium (1.0 and newer), which must be installed: `import viable.gym`."""
+"""Environments for Gymnasium (1.1 and newer), which must be installed: `import viable.gym` registers `viable/Reach-v0`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ._viable import Limits, Robot
 try:
     import gymnasium
 except ImportError as error:
-    raise ImportError("viable.gym needs Gymnasium 1.0 or newer: pip install gymnasium") from error
+    raise ImportError("viable.gym needs Gymnasium 1.1 or newer: pip install gymnasium") from error
 
 ACTIONS = ("torque", "acceleration", "target", "tool")
 AUTORESETS = ("next_step", "same_step", "disabled")
@@ -24,7 +24,7 @@ AUTORESETS = ("next_step", "same_step", "disabled")
 class ReachVectorEnv(gymnasium.vector.VectorEnv):
     """Arms that move their tools to goals, each arm's limits up to jerk guaranteed: no action breaks a constraint.
 
-        env = viable.gym.ReachVectorEnv("panda", num_envs=4096)
+        env = gymnasium.make_vec("viable/Reach-v0", num_envs=4096, robot="panda")    # or viable.gym.ReachVectorEnv(...)
         observations, infos = env.reset(seed=1)
         observations, rewards, terminations, truncations, infos = env.step(env.action_space.sample())
 
@@ -59,10 +59,6 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
             raise InputError("ReachVectorEnv: action", f"`{action}`", "It is torque, acceleration or target, or tool.")
         if autoreset not in AUTORESETS:
             raise InputError("ReachVectorEnv: autoreset", f"`{autoreset}`", "It is next_step, same_step or disabled.")
-        mode = getattr(gymnasium.vector, "AutoresetMode", None)
-        if mode is None and autoreset != "next_step":
-            raise InputError("ReachVectorEnv: autoreset", f"`{autoreset}`: this Gymnasium has no AutoresetMode",
-                             "Use Gymnasium 1.1 or newer, or next_step.")
         self.robot = Robot(robot) if isinstance(robot, str) else robot
         self.batch = Batch(self.robot, num_envs, tick, limits=limits, action="tool_position" if action == "tool" else action,
                            environment=environment, plant=plant, threads=threads)
@@ -88,7 +84,7 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         self.action_space = box(-1.0, 1.0, (num_envs, *self._lower.shape), np.float32)
         self.single_observation_space = box(-np.inf, np.inf, (2 * n + 3,), np.float32)
         self.observation_space = box(-np.inf, np.inf, (num_envs, 2 * n + 3), np.float32)
-        self.metadata = {"autoreset_mode": getattr(mode, autoreset.upper())} if mode else {}
+        self.metadata = {"autoreset_mode": gymnasium.vector.AutoresetMode[autoreset.upper()]}
         self.goals = np.zeros((num_envs, 3))
         self._autoreset = autoreset
         self._steps = np.zeros(num_envs, int)
@@ -174,3 +170,29 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
             shares = np.where(self._is_bounded, (q - middle) / half, np.sin(q))
         way = self.goals - batch.tool_position(is_real)
         return np.hstack([shares, qd / self._fastest, way]).astype(np.float32), np.linalg.norm(way, axis=1)
+
+
+class ReachEnv(gymnasium.Env):
+    """One arm of a ReachVectorEnv, with its arguments but num_envs and autoreset: gymnasium.make("viable/Reach-v0", robot="panda").
+
+    `arms` is that ReachVectorEnv. infos: `limited`.
+    """
+
+    metadata = {"render_modes": []}
+    render_mode = None
+
+    def __init__(self, robot: Robot | str = "panda", **options: Any) -> None:
+        self.arms = ReachVectorEnv(robot, 1, autoreset="disabled", **options)
+        self.observation_space, self.action_space = self.arms.single_observation_space, self.arms.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.arms._np_random = self.np_random
+        return self.arms.reset()[0][0], {}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        observations, rewards, terminations, truncations, infos = self.arms.step(np.asarray(action)[None])
+        return observations[0], float(rewards[0]), bool(terminations[0]), bool(truncations[0]), {"limited": bool(infos["limited"][0])}
+
+
+gymnasium.register("viable/Reach-v0", entry_point=ReachEnv, vector_entry_point=ReachVectorEnv)
