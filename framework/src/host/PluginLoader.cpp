@@ -657,21 +657,43 @@ bool isIdentifier(const std::string& text) {
            std::all_of(text.begin(), text.end(), [&](unsigned char c) { return isLetter(c) || std::isdigit(c); });
 }
 
+/** A wheel has a library for each version of Python and links none of them to libpython: here is that of the libpython which the
+package names (make_environment() of viable/_paths.py), and where it finds what it calls from now on. Empty where none is named. */
+std::string openPython(const std::string& where) {
+    const char* const given = std::getenv("VIABLE_LIBPYTHON");
+    if (!given || !*given) return "";
+    void* const python = dlopen(given, RTLD_NOW | RTLD_GLOBAL);
+    const auto getVersion = python ? reinterpret_cast<const char* (*)()>(dlsym(python, "Py_GetVersion")) : nullptr;
+    if (!getVersion) {
+        const char* const text = dlerror();
+        throw badInput(where, "VIABLE_LIBPYTHON: " + std::string(text ? text : "no Python"),
+                       "Unset it, or name a libpython");
+    }
+    const std::string version = getVersion();  // 3.12.1 (main, ...
+    return "viable_python" + version.substr(0, version.find('.', 2)) + ".so";
+}
+
 /** The library that runs classes in Python. It stands beside the folders of plugins, not in one: it is none itself. */
 fs::path findPythonLibrary(const std::string& where, const std::vector<fs::path>& searchPath) {
     std::vector<std::string> tried;
-    for (const fs::path& folder : searchPath) {
-        const fs::path candidate =
-            (folder.has_filename() ? folder : folder.parent_path()).parent_path() / kPythonLibrary;
-        std::error_code error;
-        if (fs::is_regular_file(candidate, error)) return fs::canonical(candidate);
-        tried.push_back(candidate.string());
-    }
+    const auto look = [&](const std::string& name) {
+        for (const fs::path& folder : searchPath) {
+            const fs::path candidate = (folder.has_filename() ? folder : folder.parent_path()).parent_path() / name;
+            std::error_code error;
+            if (fs::is_regular_file(candidate, error)) return fs::canonical(candidate);
+            tried.push_back(candidate.string());
+        }
+        return fs::path();
+    };
+    fs::path library = look(kPythonLibrary);
+    if (const std::string name = library.empty() ? openPython(where) : ""; !name.empty()) library = look(name);
+    if (!library.empty()) return library;
     throw badInput(
         where,
         std::string("a plugin in Python needs ") + kPythonLibrary + ", which is not there. Tried: " + join(tried, ", "),
         "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
-        "is built, python3-dev and pybind11-dev, and build the target viable_python");
+        "is built, python3-dev and pybind11-dev, and build the target viable_python. Of a wheel: Python needs its "
+        "shared library (apt-get install libpython3.N)");
 }
 
 PluginInfo findPython(PluginKind kind, const std::string& request, const std::string& where, const fs::path& folder,

@@ -1,0 +1,15 @@
+"""`viable` and `python -m viable`: the program that belongs to the package."""
+
+import os
+import sys
+
+from ._paths import find_program, make_environment
+
+
+def main() -> None:
+    program = find_program()
+    os.execve(program, [program, *sys.argv[1:]], make_environment())
+
+
+if __name__ == "__main__":
+    main()
