@@ -69,7 +69,6 @@ Path("law.py").write_text("class Half:\n    def filter(self, nominal, torque, dy
 Path("law.yaml").write_text("schema: 1\ntitle: mine\nrobot: indy7\nduration_s: 0.2\ncommand: {plugin: random_steps, seed: 1}\n"
                             "controller: {plugin: joint_pd, stiffness: 16, damping: 8}\ncases: {mine: {filter: {plugin: law.py:Half}}}\n")
 if "VIABLE_LIBPYTHON" in viable._paths.make_environment():
-    assert viable.run("law.yaml")["cases"]["mine"]["ticks"] > 100
     call(program, "run", "law.yaml", "--no-report", "--out", "law")
 else:
     print("no shared library of this Python")

@@ -5,11 +5,12 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 import unittest
 import zipfile
 from pathlib import Path
+
+from support import bring
 
 SOURCE = Path(os.environ["VIABLE_SOURCE_DIR"]).resolve()
 BUILD = Path(os.environ["PYTHONPATH"]).resolve().parent
@@ -26,12 +27,7 @@ def run(*command, **more):
 class PortableWheel(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        with tempfile.TemporaryDirectory() as folder:  # what the script itself takes from PyPI
-            ended = subprocess.run([sys.executable, "-m", "pip", "--retries", "1", "--timeout", "10", "download", "--no-deps", "--dest", folder,
-                                    "auditwheel==6.8.2"], capture_output=True, text=True)
-        if ended.returncode:
-            print("skipped: PyPI cannot be had:", ended.stderr.strip().splitlines()[-1])
-            raise unittest.SkipTest("PyPI cannot be had")
+        bring("auditwheel==6.8.2")  # or is skipped; the script takes its own
         out = BUILD / "portable"
         run(SOURCE / "tools/scripts/wheel.sh", "--build", BUILD, out)
         cls.wheel, = out.glob("viable-*.whl")
@@ -40,7 +36,6 @@ class PortableWheel(unittest.TestCase):
     def test_tag_size_and_licences(self):
         shown = run(self.tools / "auditwheel", "show", self.wheel)
         print(shown, f"{self.wheel.stat().st_size / 1e6:.1f} MB")
-        self.assertRegex(self.wheel.name, r"-manylinux_2_\d+_\w+\.whl$")
         self.assertIn(f'tag: "{self.wheel.stem.rpartition("-")[2]}"', " ".join(shown.split()))
         self.assertLess(self.wheel.stat().st_size, 40e6)
         with zipfile.ZipFile(self.wheel) as archive:
@@ -57,7 +52,6 @@ class PortableWheel(unittest.TestCase):
 
     def test_each_python_does_what_a_user_does(self):
         minors = re.findall(r"cp3(\d+)", self.wheel.name.split("-")[2])
-        self.assertTrue(minors)
         hidden = ["unshare", "--mount", "sh", "-ec", f"mount -t tmpfs none {BUILD}; mount -t tmpfs none {SOURCE}; exec \"$@\"", "sh"]
         if subprocess.run([*hidden, "true"], capture_output=True).returncode:
             print("the project stays visible: no mount namespace here")
@@ -66,9 +60,6 @@ class PortableWheel(unittest.TestCase):
         self.assertEqual(len(pythons), len(minors))
         for python in pythons:
             with self.subTest(python), tempfile.TemporaryDirectory() as folder:
-                if subprocess.run([python, "-c", "import ensurepip"], capture_output=True).returncode:
-                    print(f"skipped: {python} makes no environments")
-                    continue
                 run(python, "-m", "venv", f"{folder}/venv")
                 run(f"{folder}/venv/bin/pip", "install", self.wheel)
                 shutil.copy(SOURCE / "tests/python/portable_user.py", folder)

