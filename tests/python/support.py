@@ -41,7 +41,7 @@ def bring(*packages):
         for command in ([sys.executable, "-m", "venv", "--system-site-packages", "--clear", folder],
                         [folder / "bin/pip", "--retries", "1", "--timeout", "10", "install", *packages]):
             if (ended := subprocess.run(command, capture_output=True, text=True)).returncode != 0:
-                reason = f"{', '.join(packages)} cannot be had: " + (ended.stderr + ended.stdout).strip().splitlines()[-1]
+                reason = f"{', '.join(packages)} cannot be had: " + (ended.stdout + ended.stderr).strip().splitlines()[-1]
                 print("skipped:", reason)
                 raise unittest.SkipTest(reason)
         whole.write_text(str(packages))
