@@ -1,51 +1,23 @@
-"""The environment for Gymnasium: with the real one where it is installed, else with a stand-in of what is used of it."""
+"""The environments, with Gymnasium itself."""
 
-import importlib
+import importlib.util
 import subprocess
 import sys
-import types
 import unittest
+import warnings
 
 import numpy as np
 
 import viable
+from support import bring
 
 
-def make_stand_in():
-    """What Gymnasium 1.0's VectorEnv and Box do, as far as it is used."""
-
-    class VectorEnv:
-        _generator = None
-
-        def reset(self, *, seed=None, options=None):
-            if seed is not None:
-                self._generator = np.random.default_rng(seed)
-
-        @property
-        def np_random(self):
-            if self._generator is None:
-                self._generator = np.random.default_rng()
-            return self._generator
-
-    class Box:
-        def __init__(self, low, high, shape, dtype):
-            self.low, self.high, self.shape, self.dtype = low, high, shape, np.dtype(dtype)
-
-        def contains(self, x):
-            return x.shape == self.shape and x.dtype == self.dtype and bool(((x >= self.low) & (x <= self.high)).all())
-
-    gymnasium = types.ModuleType("gymnasium")
-    modes = types.SimpleNamespace(NEXT_STEP="next_step", SAME_STEP="same_step", DISABLED="disabled")
-    gymnasium.vector = types.SimpleNamespace(VectorEnv=VectorEnv, AutoresetMode=modes)
-    gymnasium.spaces = types.SimpleNamespace(Box=Box)
-    return gymnasium
-
-
-try:
-    import gymnasium  # noqa: F401
-except ImportError:
-    sys.modules["gymnasium"] = make_stand_in()
-gym = importlib.import_module("viable.gym")
+def setUpModule():
+    global gym, gymnasium
+    if importlib.util.find_spec("gymnasium") is None:
+        bring("gymnasium==1.4.0", "cloudpickle==3.1.3", "typing_extensions==4.16.0", "Farama-Notifications==0.0.6")
+    gymnasium = importlib.import_module("gymnasium")
+    gym = importlib.import_module("viable.gym")
 
 
 class Reach(unittest.TestCase):
@@ -140,7 +112,7 @@ class Reach(unittest.TestCase):
     def test_autoreset_in_the_same_step(self):
         env = gym.ReachVectorEnv("panda", num_envs=6, horizon=7, autoreset="same_step")
         other = gym.ReachVectorEnv("panda", num_envs=6, horizon=7)
-        self.assertEqual(env.metadata["autoreset_mode"], gym.gymnasium.vector.AutoresetMode.SAME_STEP)
+        self.assertEqual(env.metadata["autoreset_mode"], gymnasium.vector.AutoresetMode.SAME_STEP)
         env.reset(seed=4)
         other.reset(seed=4)
         actions = np.random.default_rng(1).uniform(-1, 1, (6, 7))
@@ -236,6 +208,49 @@ class Reach(unittest.TestCase):
         env.reset(seed=1)
         with self.assertRaisesRegex(ValueError, "shape|broadcast"):
             env.step(np.zeros((3, 7)))
+
+    def test_gymnasium_makes_one_arm_and_its_checker_passes(self):
+        from gymnasium.utils.env_checker import check_env
+
+        for action in gym.ACTIONS:
+            env = gymnasium.make("viable/Reach-v0", robot="ur5e", action=action, horizon=30)
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                warnings.filterwarnings("ignore", ".*(infinity|-inf|inf).*")  # observations have no bounds
+                check_env(env.unwrapped)
+            many = gymnasium.make_vec("viable/Reach-v0", num_envs=1, robot="ur5e", action=action, horizon=30)
+            np.testing.assert_array_equal(env.reset(seed=5)[0], many.reset(seed=5)[0][0])
+            rng = np.random.default_rng(2)
+            for step in range(30):
+                a = rng.uniform(-1, 1, env.action_space.shape).astype(np.float32)
+                answer, expected = env.step(a), many.step(a[None])
+                for value, values in zip(answer[:4], expected[:4]):
+                    np.testing.assert_array_equal(value, values[0])
+                self.assertEqual(answer[4]["limited"], expected[4]["limited"][0])
+                if answer[2] or answer[3]:
+                    break
+            self.assertTrue(answer[2] or step == 29)
+
+    def test_gymnasium_makes_many_arms_of_one_batch_and_its_wrappers_take_them(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            env = gymnasium.make_vec("viable/Reach-v0", num_envs=12, robot="indy7", horizon=20, reach=1e-9)
+        self.assertIsInstance(env.unwrapped, gym.ReachVectorEnv)
+        self.assertEqual(env.unwrapped.batch.q.shape, (12, 6))
+        self.assertEqual(env.spec.id, "viable/Reach-v0")
+        wrappers = gymnasium.wrappers.vector
+        env = wrappers.NormalizeObservation(wrappers.RecordEpisodeStatistics(env))
+        env.reset(seed=1)
+        env.action_space.seed(1)
+        for _ in range(20):
+            observations, _, _, truncations, infos = env.step(env.action_space.sample())
+        self.assertTrue(truncations.all() and np.isfinite(observations).all())
+        np.testing.assert_array_equal(infos["episode"]["l"], 20)
+        # Arms one by one, each a batch of its own, are what Gymnasium would do without the entry for vectors.
+        each = gymnasium.make_vec("viable/Reach-v0", num_envs=3, vectorization_mode="sync", robot="indy7", horizon=20)
+        observations, _ = each.reset(seed=4)
+        for arm in range(3):
+            np.testing.assert_array_equal(observations[arm], gymnasium.make("viable/Reach-v0", robot="indy7").reset(seed=4 + arm)[0])
 
     def test_without_gymnasium_the_import_says_what_is_missing(self):
         code = "import sys; sys.modules['gymnasium'] = None\nimport viable\nimport viable.gym"

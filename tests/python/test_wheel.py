@@ -39,6 +39,8 @@ class Wheel(unittest.TestCase):
             self.assertEqual(ended.returncode, 0, ended.stderr)
             for line in ended.stdout.splitlines():
                 self.assertTrue(line.startswith(folder), line)
+            self.assertEqual(subprocess.run([f"{folder}/venv/bin/viable", "--version"], env=environment, capture_output=True,
+                                            text=True).stdout, f"viable {viable.__version__}\n")
             self.assertEqual(subprocess.run([python, "-m", "pip", "uninstall", "-y", "viable"], env=environment,
                                             capture_output=True).returncode, 0)
             self.assertEqual(list(Path(folder).rglob("libviable*")), [])

@@ -31,10 +31,10 @@ def _run(*command):
                          " in the project's folder.") from None
 
 
-def _metadata():
+def _metadata(python):
     readme = (HERE / "README.md").read_text(encoding="utf-8")
     return (f"Metadata-Version: 2.1\nName: {PROJECT['name']}\nVersion: {PROJECT['version']}\n"
-            f"Summary: {PROJECT['description']}\nRequires-Python: {PROJECT['requires-python']}\n"
+            f"Summary: {PROJECT['description']}\nLicense: Apache-2.0\nRequires-Python: {python}\n"
             f"Requires-Dist: {PROJECT['dependencies'][0]}\nDescription-Content-Type: text/markdown\n\n{readme}")
 
 
@@ -62,23 +62,8 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
             + ". Install those, and use a virtual environment of /usr/bin/python3.")
     if not given:
         _run("cmake", "--build", build, "--target", "viable_python")
-    name = f"{PROJECT['name']}-{PROJECT['version']}"
-    wheel = f"{name}-{_tag()}.whl"
     with tempfile.TemporaryDirectory() as scratch:
-        _run("cmake", "--install", build, "--prefix", scratch, "--strip")
-        files = _collect(Path(scratch), name)
-        with zipfile.ZipFile(Path(wheel_directory) / wheel, "w", zipfile.ZIP_DEFLATED) as archive:
-            records = []
-            for target, (data, mode) in sorted(files.items()):
-                entry = zipfile.ZipInfo(target, (2020, 1, 1, 0, 0, 0))
-                entry.external_attr = (0o100000 | mode) << 16
-                entry.compress_type = zipfile.ZIP_DEFLATED
-                archive.writestr(entry, data)
-                digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
-                records.append(f"{target},sha256={digest},{len(data)}")
-            record = f"{name}.dist-info/RECORD"
-            archive.writestr(record, "\n".join([*records, f"{record},,"]) + "\n")
-    return wheel
+        return write(wheel_directory, collect(build, scratch), _tag(), PROJECT["requires-python"])
 
 
 def _read_cache(build):
@@ -86,8 +71,10 @@ def _read_cache(build):
     return {line.split(":", 1)[0]: line.split("=", 1)[1] for line in lines if ":" in line and "=" in line}
 
 
-def _collect(prefix, name):
-    """{path in the wheel: (bytes, mode)} of an installed tree."""
+def collect(build, scratch):
+    """{path in the wheel: (bytes, mode)} of a build, which is installed into the folder `scratch`."""
+    _run("cmake", "--install", build, "--prefix", scratch, "--strip")
+    prefix = Path(scratch)
     files = {}
     package = next(prefix.glob("lib/python3/dist-packages/viable"))
     for path in sorted(prefix.rglob("*")):
@@ -103,7 +90,31 @@ def _collect(prefix, name):
                 continue  # a wheel knows no links: the name that the program asks for is enough
             target = Path("viable", "root") / within
         files[str(target)] = (path.read_bytes(), 0o755 if os.access(path, os.X_OK) else 0o644)
-    info = f"{name}.dist-info"
-    files[f"{info}/METADATA"] = (_metadata().encode(), 0o644)
-    files[f"{info}/WHEEL"] = (f"Wheel-Version: 1.0\nGenerator: viable\nRoot-Is-Purelib: false\nTag: {_tag()}\n".encode(), 0o644)
     return files
+
+
+def write(folder, files, tag, python):
+    """Writes the wheel of such files, with what tells an installer about it; returns its name."""
+    name = f"{PROJECT['name']}-{PROJECT['version']}"
+    pythons, abis, platform = tag.split("-")
+    tags = "".join(f"Tag: {each}-{abi}-{platform}\n" for each in pythons.split(".") for abi in abis.split(".") if each == abi)
+    scripts = "".join(f"{script} = {call}\n" for script, call in PROJECT["scripts"].items())
+    about = {"METADATA": _metadata(python), "entry_points.txt": f"[console_scripts]\n{scripts}",
+             "WHEEL": f"Wheel-Version: 1.0\nGenerator: viable\nRoot-Is-Purelib: false\n{tags}"}
+    write_archive(Path(folder) / f"{name}-{tag}.whl",
+                  files | {f"{name}.dist-info/{each}": (text.encode(), 0o644) for each, text in about.items()})
+    return f"{name}-{tag}.whl"
+
+
+def write_archive(wheel, files):
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        records = []
+        for target, (data, mode) in sorted(files.items()):
+            entry = zipfile.ZipInfo(target, (2020, 1, 1, 0, 0, 0))
+            entry.external_attr = (0o100000 | mode) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, data)
+            digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
+            records.append(f"{target},sha256={digest},{len(data)}")
+        record = f"{PROJECT['name']}-{PROJECT['version']}.dist-info/RECORD"
+        archive.writestr(record, "\n".join([*records, f"{record},,"]) + "\n")

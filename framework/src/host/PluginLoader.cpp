@@ -657,21 +657,38 @@ bool isIdentifier(const std::string& text) {
            std::all_of(text.begin(), text.end(), [&](unsigned char c) { return isLetter(c) || std::isdigit(c); });
 }
 
+/** A wheel has a library for each version of Python, linked to no libpython: here is the name of that for the libpython which the
+package tells (make_environment() of viable/_paths.py), and which it finds from now on. Empty where none is told. */
+std::string openPython(const std::string& where) {
+    const char* const given = std::getenv("VIABLE_LIBPYTHON");
+    if (!given || !*given) return "";
+    if (!dlopen(given, RTLD_NOW | RTLD_GLOBAL))
+        throw badInput(where, std::string("VIABLE_LIBPYTHON: ") + dlerror(), "Unset it, or name a libpython");
+    const std::string name = fs::path(given).filename();  // libpython3.12.so.1.0
+    return "viable_" + name.substr(std::min<std::size_t>(3, name.size()), name.find(".so") - 3) + ".so";
+}
+
 /** The library that runs classes in Python. It stands beside the folders of plugins, not in one: it is none itself. */
 fs::path findPythonLibrary(const std::string& where, const std::vector<fs::path>& searchPath) {
     std::vector<std::string> tried;
-    for (const fs::path& folder : searchPath) {
-        const fs::path candidate =
-            (folder.has_filename() ? folder : folder.parent_path()).parent_path() / kPythonLibrary;
-        std::error_code error;
-        if (fs::is_regular_file(candidate, error)) return fs::canonical(candidate);
-        tried.push_back(candidate.string());
-    }
+    const auto look = [&](const std::string& name) {
+        for (const fs::path& folder : searchPath) {
+            const fs::path candidate = (folder.has_filename() ? folder : folder.parent_path()).parent_path() / name;
+            std::error_code error;
+            if (fs::is_regular_file(candidate, error)) return fs::canonical(candidate);
+            tried.push_back(candidate.string());
+        }
+        return fs::path();
+    };
+    fs::path library = look(kPythonLibrary);
+    if (const std::string name = library.empty() ? openPython(where) : ""; !name.empty()) library = look(name);
+    if (!library.empty()) return library;
     throw badInput(
         where,
         std::string("a plugin in Python needs ") + kPythonLibrary + ", which is not there. Tried: " + join(tried, ", "),
         "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
-        "is built, python3-dev and pybind11-dev, and build the target viable_python");
+        "is built, python3-dev and pybind11-dev, and build the target viable_python. Of a wheel: Python needs its "
+        "shared library (apt-get install libpython3.N)");
 }
 
 PluginInfo findPython(PluginKind kind, const std::string& request, const std::string& where, const fs::path& folder,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
+import sysconfig
 from pathlib import Path
 
 
@@ -28,6 +30,19 @@ def find_program() -> str:
         raise Error("viable", "the program `viable` is neither beside the library nor in PATH",
                     "Install it: it comes with the library (Debian package viable).", "internal")
     return program
+
+
+def make_environment() -> dict[str, str]:
+    """The program's. Plugins in Python are run by this one, with its virtual environment; the library of a wheel that runs them
+    is linked to no libpython, so it is told which."""
+    environment = dict(os.environ)
+    if sys.executable and not environment.get("VIABLE_PYTHON"):
+        environment["VIABLE_PYTHON"] = sys.executable
+        name, folder = sysconfig.get_config_var("INSTSONAME") or "", sysconfig.get_config_var("LIBDIR") or ""
+        for place in (Path(folder), Path(folder, sysconfig.get_config_var("MULTIARCH") or ""), Path(sys.base_prefix, "lib")):
+            if ".so" in name and (place / name).is_file():
+                environment.setdefault("VIABLE_LIBPYTHON", str(place / name))
+    return environment
 
 
 def robot_folders() -> list[str]:

@@ -13,7 +13,6 @@ import re
 import signal
 import sqlite3
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ._errors import Error, make_error
-from ._paths import find_program
+from ._paths import find_program, make_environment
 
 PathLike = str | os.PathLike
 
@@ -78,9 +77,7 @@ def _call(arguments: Sequence[str], allowed: Sequence[int], progress: Callable[[
 
     KeyboardInterrupt, and whatever `progress` raises: the program brakes the arm, finishes its log and ends before that goes
     on."""
-    environment = dict(os.environ, VIABLE_MESSAGES="json")
-    if sys.executable and not environment.get("VIABLE_PYTHON"):
-        environment["VIABLE_PYTHON"] = sys.executable  # of plugins in Python: this one, with its virtual environment
+    environment = make_environment() | {"VIABLE_MESSAGES": "json"}
     command = [find_program(), *map(str, arguments)]
     output: list[str] = []
     error: dict | None = None

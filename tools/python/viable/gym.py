@@ -1,7 +1,8 @@
-"""Environments for Gymnasium (1.0 and newer), which must be installed: `import viable.gym`."""
+"""Environments for Gymnasium (1.1 and newer), which must be installed: `import viable.gym` registers `viable/Reach-v0`."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,12 +11,12 @@ import numpy as np
 from ._batch import Batch
 from ._errors import InputError
 from ._types import STATUS
-from ._viable import Limits, Robot
+from ._viable import Limits, ReferenceGuard, Robot
 
 try:
     import gymnasium
 except ImportError as error:
-    raise ImportError("viable.gym needs Gymnasium 1.0 or newer: pip install gymnasium") from error
+    raise ImportError("viable.gym needs Gymnasium 1.1 or newer: pip install gymnasium") from error
 
 ACTIONS = ("torque", "acceleration", "target", "tool")
 AUTORESETS = ("next_step", "same_step", "disabled")
@@ -24,7 +25,7 @@ AUTORESETS = ("next_step", "same_step", "disabled")
 class ReachVectorEnv(gymnasium.vector.VectorEnv):
     """Arms that move their tools to goals, each arm's limits up to jerk guaranteed: no action breaks a constraint.
 
-        env = viable.gym.ReachVectorEnv("panda", num_envs=4096)
+        env = gymnasium.make_vec("viable/Reach-v0", num_envs=4096, robot="panda")    # or viable.gym.ReachVectorEnv(...)
         observations, infos = env.reset(seed=1)
         observations, rewards, terminations, truncations, infos = env.step(env.action_space.sample())
 
@@ -59,10 +60,6 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
             raise InputError("ReachVectorEnv: action", f"`{action}`", "It is torque, acceleration or target, or tool.")
         if autoreset not in AUTORESETS:
             raise InputError("ReachVectorEnv: autoreset", f"`{autoreset}`", "It is next_step, same_step or disabled.")
-        mode = getattr(gymnasium.vector, "AutoresetMode", None)
-        if mode is None and autoreset != "next_step":
-            raise InputError("ReachVectorEnv: autoreset", f"`{autoreset}`: this Gymnasium has no AutoresetMode",
-                             "Use Gymnasium 1.1 or newer, or next_step.")
         self.robot = Robot(robot) if isinstance(robot, str) else robot
         self.batch = Batch(self.robot, num_envs, tick, limits=limits, action="tool_position" if action == "tool" else action,
                            environment=environment, plant=plant, threads=threads)
@@ -88,7 +85,7 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
         self.action_space = box(-1.0, 1.0, (num_envs, *self._lower.shape), np.float32)
         self.single_observation_space = box(-np.inf, np.inf, (2 * n + 3,), np.float32)
         self.observation_space = box(-np.inf, np.inf, (num_envs, 2 * n + 3), np.float32)
-        self.metadata = {"autoreset_mode": getattr(mode, autoreset.upper())} if mode else {}
+        self.metadata = {"autoreset_mode": gymnasium.vector.AutoresetMode[autoreset.upper()]}
         self.goals = np.zeros((num_envs, 3))
         self._autoreset = autoreset
         self._steps = np.zeros(num_envs, int)
@@ -174,3 +171,137 @@ class ReachVectorEnv(gymnasium.vector.VectorEnv):
             shares = np.where(self._is_bounded, (q - middle) / half, np.sin(q))
         way = self.goals - batch.tool_position(is_real)
         return np.hstack([shares, qd / self._fastest, way]).astype(np.float32), np.linalg.norm(way, axis=1)
+
+
+class ReachEnv(gymnasium.Env):
+    """One arm of a ReachVectorEnv, with its arguments but num_envs and autoreset: gymnasium.make("viable/Reach-v0", robot="panda").
+
+    `arms` is that ReachVectorEnv. infos: `limited`.
+    """
+
+    metadata = {"render_modes": []}
+    render_mode = None
+
+    def __init__(self, robot: Robot | str = "panda", **options: Any) -> None:
+        self.arms = ReachVectorEnv(robot, 1, autoreset="disabled", **options)
+        self.observation_space, self.action_space = self.arms.single_observation_space, self.arms.single_action_space
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.arms._np_random = self.np_random
+        return self.arms.reset()[0][0], {}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        observations, rewards, terminations, truncations, infos = self.arms.step(np.asarray(action)[None])
+        return observations[0], float(rewards[0]), bool(terminations[0]), bool(truncations[0]), {"limited": bool(infos["limited"][0])}
+
+
+_stepping: dict[int, GuardedActions] = {}  # the arms whose simulators step now, by the id of their MjData
+_lock = threading.Lock()
+
+
+def _control(model: Any, data: Any) -> None:
+    """MuJoCo's control callback, of all its models; none may be set while one is loaded."""
+    if id(data) in _stepping:
+        _stepping[id(data)]._control()
+
+
+class GuardedActions(gymnasium.Wrapper):
+    """Guards the arm of somebody else's environment on MuJoCo 3: what actions ask of its position servos goes through a
+    viable.ReferenceGuard in every step of the simulator. So what the servos are told keeps position, velocity, acceleration and jerk
+    limits, whatever the environment makes of its actions. Other actuators, as a gripper's, are left alone.
+
+        names = {f"joint{i}": f"robot:panda0_joint{i}" for i in range(7)}    # of viable, of the model
+        env = viable.gym.GuardedActions(gymnasium.make("FrankaKitchen-v1"), "panda", names)
+
+    mapping   MuJoCo's joint of each joint of the robot, which count alike; each is moved by one position servo
+    limits    None: the robot's, where the model's joints can go
+
+    infos["guard"]: `reference`, what the servos are told, `q` and `qd`, the arm in the simulator, after the step [rad, rad/s];
+    `position_excess` and `velocity_excess`, by how much it passed a limit there at worst (below 0: inside). That is what soft servos,
+    weight and contacts add: narrower limits leave room for it. `guard` is the ReferenceGuard. reset() puts it where the arm is, at
+    rest, and only what step() simulates is guarded: it takes MuJoCo's control callback meanwhile.
+    """
+
+    def __init__(self, env: gymnasium.Env, robot: Robot | str, mapping: Mapping[str, str], *, limits: Limits | None = None) -> None:
+        super().__init__(env)
+        self.robot = Robot(robot) if isinstance(robot, str) else robot
+        model, self._data = (getattr(env.unwrapped, name, None) for name in ("model", "data"))
+        if not hasattr(model, "actuator_trnid"):
+            raise InputError("GuardedActions: env", f"`{env.unwrapped}` has no MuJoCo model", "Its `model` and `data` are needed.")
+        if set(mapping) != set(self.robot.joints):
+            raise InputError("GuardedActions: mapping", f"it is for {', '.join(mapping)}", f"Map {', '.join(self.robot.joints)}.")
+        joints, servos = [], []
+        for name in (mapping[joint] for joint in self.robot.joints):
+            try:
+                joints.append(model.joint(name).id)
+            except KeyError as error:
+                raise InputError("GuardedActions: mapping", f"the model has no joint `{name}`", "Look into its MJCF.") from error
+            moving = np.flatnonzero((model.actuator_trnid[:, 0] == joints[-1]) & (model.actuator_trntype == 0))  # by joint
+            bias, gain = model.actuator_biasprm[moving], model.actuator_gainprm[moving, 0]
+            if len(moving) != 1 or model.actuator_gaintype[moving[0]] != 0 or bias[0, 0] != 0 or bias[0, 1] != -gain[0] or gain[0] <= 0:
+                raise InputError("GuardedActions: env", f"joint `{name}` is not moved by one position servo",
+                                 "Others cannot be guarded here: use viable.Guard in a loop of your own.")
+            servos.append(moving[0])
+        self._servos, self._gears = np.array(servos), model.actuator_gear[servos, 0]
+        force = np.abs(model.actuator_forcerange[servos]).max(axis=1) / model.actuator_gainprm[servos, 0]
+        self._stretch = np.where(model.actuator_forcelimited[servos] != 0, force / self._gears, np.inf)
+        self._positions, self._speeds = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        if limits is None:
+            (lower, upper), end = self.robot.limits.position, np.where(model.jnt_limited[joints] != 0, 0.0, np.inf)
+            ranges = model.jnt_range[joints].T
+            limits = self.robot.limits.replace(position=(np.maximum(lower, ranges[0] - end), np.minimum(upper, ranges[1] + end)))
+        self.guard = ReferenceGuard(self.robot, model.opt.timestep, limits=limits, between="hold", velocity_filter=np.inf, recovery=True)
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        observation, infos = super().reset(**options)
+        self.guard.start(self._data.qpos[self._positions])
+        self._asked = self._told = self._data.ctrl[self._servos]
+        self._time = -np.inf
+        return observation, infos
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        self._worst = np.full(2, -np.inf)
+        self._is_new = True  # what stands in the controls at the first call was asked for
+        self._change(True)
+        try:
+            observation, reward, terminated, truncated, infos = super().step(action)
+        finally:
+            self._change(False)
+        self._read()
+        self._data.ctrl[self._servos] = self._asked  # the environment finds what it has put there
+        q, qd = self._data.qpos[self._positions], self._data.qvel[self._speeds]
+        guard = {"reference": self._told / self._gears, "q": q, "qd": qd,
+                 "position_excess": self._worst[0], "velocity_excess": self._worst[1]}
+        return observation, reward, terminated, truncated, {**infos, "guard": guard}
+
+    def _change(self, is_stepping: bool) -> None:
+        import mujoco
+
+        with _lock:
+            _stepping.pop(id(self._data), None)
+            if is_stepping:
+                _stepping[id(self._data)] = self
+            mujoco.set_mjcb_control(_control if _stepping else None)
+
+    def _control(self) -> None:
+        """MuJoCo asks for the controls: once a step, or again at the same time."""
+        controls = self._data.ctrl
+        if self._is_new or (controls[self._servos] != self._told).any():
+            self._asked, self._is_new = controls[self._servos], False
+        if self._data.time > self._time:
+            self._time = self._data.time
+            q = self._read()
+            # Beyond these a servo pulls no harder: the reference of an arm that is held does not run away from it.
+            target = np.clip(self._asked / self._gears, q - self._stretch, q + self._stretch)
+            self._told = self.guard.step(target).q * self._gears
+        controls[self._servos] = self._told
+
+    def _read(self) -> np.ndarray:
+        q, qd, limits = self._data.qpos[self._positions], self._data.qvel[self._speeds], self.guard.limits
+        for i, (value, bounds) in enumerate(((q, limits.position), (qd, limits.velocity))):
+            self._worst[i] = max(self._worst[i], (value - bounds[1]).max(), (bounds[0] - value).max())
+        return q
+
+
+gymnasium.register("viable/Reach-v0", entry_point=ReachEnv, vector_entry_point=ReachVectorEnv)
