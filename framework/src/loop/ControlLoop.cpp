@@ -87,11 +87,12 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealA
       options_(options),
       n_(setup.size()),
       loop_(setup.tick_s, plugins_.watches),
-      nominalArm_(setup, plugins_, loop_, options.fixesLimits) {
+      nominalArm_(setup, plugins_, loop_, options.fixesLimits, options.contactForce > 0.0) {
     VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
     if (plugins_.robustLoop && options_.limitsAuthority) {
         const std::optional<LinearErrorLoop> law = plugins_.robustLoop->traits().errorLoop;
         authority_ = detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
+        if (options_.contactForce > 0.0) touch_ = detail::ToolTouch(setup, options_.contactForce, law ? &*law : nullptr);
     }
     reset();
 }
@@ -117,9 +118,11 @@ void ControlLoop::reset() {
     real_ = actual_ = plausible_ = {start.q, start.qd};
     isPlausible_.fill(true);
     missingExternalTorques_ = missedInRow_ = releaseTicks_ = 0;
+    push_.resize(0);
     isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = isWithheld_ = false;
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
+    if (touch_.isWanted()) touch_.reset();
     contact_ = {};
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     authority_.reset();
@@ -176,6 +179,7 @@ void ControlLoop::readPlant(bool isRead) {
     } else {
         passReading();
     }
+    if (touch_.isWanted()) feelTouch();
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -242,6 +246,23 @@ bool ControlLoop::isSuspect(int joint) const {
     return !options_.bound && isDriven(joint) && sensors_.isSuspect(joint);
 }
 
+/** Lets the nominal arm wait where the real tool is held, and the robust loop see no more of it than it shall. */
+void ControlLoop::feelTouch() {
+    const JointVector* torque = nullptr;
+    loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+        torque = plugins_.realPlant->externalTorque();
+        return TickStatus::Ok;
+    });
+    const Dynamics& dynamics = nominalArm_.dynamics();
+    if (!torque || !isBounded(*torque, n_) || dynamics.J.cols() != n_ || loop_.isStopping()) return touch_.end();
+    touch_.update(plausible_, *torque);
+    if (touch_.hasLost() && !nominalArm_.waits()) touch_.end();
+    if (!touch_.isOn()) return;
+    const detail::ToolSurface surface = touch_.surface();
+    if (nominalArm_.waits() || surface.normal.dot(dynamics.tool.position) < surface.offset) nominalArm_.wait(surface);
+    touch_.see(nominal(), dynamics, nominalArm_.wantedTool(), plausible_);
+}
+
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
 pushed with in vain is taken back. */
 void ControlLoop::checkAnswers() {
@@ -269,6 +290,7 @@ void ControlLoop::checkAnswers() {
         const bool isStill = isLong && ((isSuspect(i) && sensors_.lastStep(i) > slow) || isPressed || isImplied);
         if (!isStill) continue;
         const double added = authority_.added(i);
+        if (touch_.explains(i, added)) continue;
         dropReading(i, true);
         sensors_.disown(i, sensors_.changedDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
@@ -495,11 +517,18 @@ bool ControlLoop::askRobustLoop() {
     predictOpenJoints();
     authority_.update(nominal(), plausible_);
     const JointVector lastRobust = robustTorque_;
+    if (push_.size() == n_) robustTorque_ -= push_;  // is none of its own
     const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
-        if (authority_.cut(motorTorque_, robustTorque_)) limitRates(lastRobust, lastMotorTorque_);
+        const bool isCut = authority_.cut(motorTorque_, robustTorque_);
+        push_.resize(0);
+        if (touch_.isOn()) {
+            push_ = touch_.push();
+            authority_.add(push_, robustTorque_);
+        }
+        if (isCut || touch_.isOn()) limitRates(lastRobust, lastMotorTorque_);
         return true;
     }
     loop_.beginStop(StopReason::RobustLoopFailed,
