@@ -194,8 +194,9 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
     loop_ = std::make_unique<ControlLoop>(
         configured_->setup, std::move(configured_->plugins),
         RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,
-                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->host.acceptsUnstable, configured_->motorRate,
-                       configured_->robustRate, !plan.robustLoop || !plan.robustLoop->host.acceptsUnstable,
+                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->host.acceptsUnstable,
+                       configured_->motorRate, configured_->robustRate,
+                       !plan.robustLoop || !plan.robustLoop->host.acceptsUnstable,
                        plan.robustLoop ? plan.robustLoop->host.contactForce : 0.0});
     const LimitScene scene = makeScene(plan);
     for (const LimitKind kind : listArmLimits()) {

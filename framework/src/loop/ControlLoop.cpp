@@ -92,7 +92,8 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealA
     if (plugins_.robustLoop && options_.limitsAuthority) {
         const std::optional<LinearErrorLoop> law = plugins_.robustLoop->traits().errorLoop;
         authority_ = detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
-        if (options_.contactForce > 0.0) touch_ = detail::ToolTouch(setup, options_.contactForce, law ? &*law : nullptr);
+        if (options_.contactForce > 0.0)
+            touch_ = detail::ToolTouch(setup, options_.contactForce, law ? &*law : nullptr);
     }
     reset();
 }
@@ -260,7 +261,9 @@ void ControlLoop::feelTouch() {
     if (!touch_.isOn()) return;
     const detail::ToolSurface surface = touch_.surface();
     if (nominalArm_.waits() || surface.normal.dot(dynamics.tool.position) < surface.offset) nominalArm_.wait(surface);
-    touch_.see(nominal(), dynamics, nominalArm_.wantedTool(), plausible_);
+    JointVector room(n_);
+    for (int i = 0; i < n_; ++i) room[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
+    touch_.see(nominal(), dynamics, nominalArm_.wantedTool(), room, plausible_);
 }
 
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
@@ -343,7 +346,8 @@ void ControlLoop::checkTracking() {
 void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || hasFailed() || stopReason() == StopReason::SensorFailed) return;
-    if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
+    if (touch_.isSettling()) return;  // a tool that bounces swings, too
+    if (isTrackingLost_) {            // a loop that acts on wrong readings must not drive the arm on
         const detail::FollowingWatch::Torques torques{motorTorque_, robustTorque_, appliedTorque_, authority_};
         if (isWithheld_ && following_.update(plausible_, nominal(), torques, elapsedTicks).cause == Cause::Oscillation)
             endRobustLoop(true);

@@ -57,7 +57,7 @@ void FreeArm::lead(const ToolSurface& surface, const MotionState& nominal, const
         followSurface(surface, nominal, dynamics, jerk);
     } else {
         target_ = state_;
-            servo_.calc(nominal, target_, jerk);
+        servo_.calc(nominal, target_, jerk);
     }
     advanceNominal(decision_, tick_s_, state_);
     isOn_ = beneath > 0.0 || (state_.q - nominal.q).cwiseAbs().maxCoeff() > kSame ||
@@ -70,9 +70,7 @@ void FreeArm::followSurface(const ToolSurface& surface, const MotionState& nomin
     Vector6 out = Vector6::Zero();
     out.head<3>() = surface.normal;
     const JointVector way = calcJointStep(dynamics.J, out, JointVector::Zero(nominal.q.size()));
-    const auto along = [&](const JointVector& joints) {
-        return surface.normal.dot(dynamics.J.topRows<3>() * joints);
-    };
+    const auto along = [&](const JointVector& joints) { return surface.normal.dot(dynamics.J.topRows<3>() * joints); };
     const double height = surface.normal.dot(dynamics.tool.position) - surface.offset;
     const JointVector lifted = height * way, lifting = along(nominal.qd) * way, turning = along(nominal.qdd) * way;
     const JointVector other = targetJerk_ + calcJerk({nominal.q - lifted - target_.q, nominal.qd - lifting - target_.qd,
@@ -83,7 +81,8 @@ void FreeArm::followSurface(const ToolSurface& surface, const MotionState& nomin
 /** Leads an error and its derivatives to zero, all joints alike, as three equal poles do where nothing is at its limit: a
 velocity against the error, an acceleration to reach that, a jerk to reach that. Each is so bounded that the next can follow. */
 JointVector FreeArm::calcJerk(const MotionState& error) const {
-    const auto bound = [&](JointVector wanted, double rate, const JointBounds& own, double slower, const JointBounds& next) {
+    const auto bound = [&](JointVector wanted, double rate, const JointBounds& own, double slower,
+                           const JointBounds& next) {
         double share = 1.0;
         for (Eigen::Index i = 0; i < wanted.size(); ++i) {
             const double most = kShare * std::min(std::min(own.upper[i], -own.lower[i]),

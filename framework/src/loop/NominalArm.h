@@ -90,7 +90,7 @@ private:
     ControllerOutput output_;
     JointVector desiredTorque_, wantedTorque_, removedTorque_;
     FilterDecision decision_;
-    HeldMotion motion_;  // of decision_
+    HeldMotion motion_;                         // of decision_
     std::unique_ptr<detail::FreeArm> freeArm_;  // null: it never waits
     detail::ToolSurface surface_;
     FilterStatus status_ = FilterStatus::Passed;

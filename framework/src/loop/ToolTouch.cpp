@@ -12,6 +12,8 @@ namespace {
 constexpr double kAngular = 0.1, kWish = 0.01;
 /** Of the torques that the sensors show, at most so much may be no force at the tool. */
 constexpr double kMoment = 0.3;
+/** A joint with less pull on the tool does not hold it [m]. */
+constexpr double kNoLever = 1e-6;
 
 double follow(double tick_s, double time_s) {
     return std::min(1.0, tick_s / time_s);
@@ -64,7 +66,7 @@ void ToolTouch::begin(const Eigen::Vector3d& force) {
     offset_ = normal_.dot(place_);
     begin_ = place_;
     beginForce_ = force.norm();
-    deepest_ = stiffness_ = integral_ = share_ = air_s_ = 0.0;
+    deepest_ = stiffness_ = integral_ = share_ = air_s_ = since_s_ = 0.0;
 }
 
 void ToolTouch::update(const JointState& real, const JointVector& external) {
@@ -78,6 +80,7 @@ void ToolTouch::update(const JointState& real, const JointVector& external) {
         if (force.norm() > force_ && rest.norm() < kMoment * external_.norm()) begin(force);
         if (!isOn_) return;
     }
+    since_s_ += tick_s_;
     place_ += follow(tick_s_, kPlace_s) * (at - place_);
     measured_ = normal_.dot(force);
     air_s_ = measured_ > 0.5 * force_ ? 0.0 : air_s_ + tick_s_;
@@ -119,37 +122,40 @@ ToolSurface ToolTouch::surface() const {
 
 /** The velocity along the normal [m/s]. */
 double ToolTouch::calcWanted() {
-    const double softness = std::max(force_ / kApproach, kContact_s * stiffness_);
-    const double pressing = (force_ - measured_) / softness;
+    const double softness = std::max(asked_ / kApproach, kContact_s * stiffness_);
+    const double pressing = (asked_ - measured_) / softness;
     const double away = normal_.dot(dynamics_.tool.position) - offset_;
     const double back = std::max(away / kContact_s, kApproach * (air_s_ / kContact_s - 1.0));
     return -std::clamp(air_s_ > 0.0 ? std::max(pressing, back) : pressing, -kApproach, kApproach);
 }
 
 void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants,
-                    JointState& real) {
+                    const JointVector& room, JointState& real) {
     const Eigen::Vector3d at = dynamics_.tool.position;
     Vector6 out = Vector6::Zero();
     out.head<3>() = normal_;
     const JointVector none = JointVector::Zero(real.q.size());
     const JointVector way = calcJointStep(dynamics_.J, out, none);
-    const auto along = [&](const JointVector& joints) {
-        return normal_.dot(dynamics.J.topRows<3>() * joints);
-    };
+    const auto along = [&](const JointVector& joints) { return normal_.dot(dynamics.J.topRows<3>() * joints); };
+    const JointVector pull = dynamics_.J.topRows<3>().transpose() * normal_;
+    asked_ = force_;
+    for (Eigen::Index i = 0; i < pull.size(); ++i)
+        asked_ = std::min(asked_, kRoom * room[i] / std::max(std::abs(pull[i]), kNoLever));
+    const double wanted = calcWanted();
     const double above = along(real.q - nominal.q);
     const double share = std::clamp(above / kLead, 0.0, 1.0);
     share_ = normal_.dot(wants - at) < 0.0 ? share : 0.0;
-    const double wanted = calcWanted();
     const double ofNominal = along(nominal.qd);
     real.q -= way * std::max(0.0, above);
     real.qd += way * (share * ofNominal);
     // Against friction, no faster than the surface answers.
-    const JointVector pull = dynamics_.J.topRows<3>().transpose() * normal_;
     const double damping = gain_.size() > 0 ? 1.0 / pull.cwiseProduct(pull).cwiseQuotient(gain_).sum() : 0.0;
     const double rate = std::min(1.0 / kFriction_s, damping > 0.0 ? stiffness_ / damping : kInfinity);
-    if (air_s_ == 0.0) integral_ += share_ * rate * tick_s_ * std::max(-2.0 * force_, force_ - measured_);
-    else integral_ -= follow(tick_s_, kContact_s) * integral_;
-    push_ = share_ * (damping * wanted - force_ - integral_) * pull;
+    if (air_s_ == 0.0)
+        integral_ += share_ * rate * tick_s_ * std::max(-2.0 * asked_, asked_ - measured_);
+    else
+        integral_ -= follow(tick_s_, kContact_s) * integral_;
+    push_ = share_ * (damping * wanted - asked_ - integral_) * pull;
 }
 
 bool ToolTouch::explains(int joint, double beyond) const {

@@ -36,8 +36,10 @@ public:
     static constexpr double kLead = 0.005;
     /** Speed at which it feels for a surface that it lost [m/s]. */
     static constexpr double kApproach = 0.05;
-    /** Time constants [s]: of the force, and of friction that is made up for; of the filter of the place. */
-    static constexpr double kContact_s = 0.1, kFriction_s = 0.05, kPlace_s = 0.02;
+    /** Time constants [s]: of the force, and of friction that is made up for; of the filter of the place; of the bouncing. */
+    static constexpr double kContact_s = 0.1, kFriction_s = 0.05, kPlace_s = 0.02, kSettling_s = 0.5;
+    /** Share of what may be added to a joint that pressing may take. */
+    static constexpr double kRoom = 0.6;
     /** Way along the surface after which it shows the normal anew [m], and what then counts of that; and its largest slope: what
     is steeper shows that the surface gave way. */
     static constexpr double kWay = 0.001, kTurn = 0.3, kSlope = 0.3;
@@ -54,12 +56,17 @@ public:
     void end() { isOn_ = false; }
 
     bool isOn() const { return isOn_; }
+    /** It began a moment ago, and the tool may bounce. */
+    bool isSettling() const { return isOn_ && since_s_ < kSettling_s; }
     /** Nothing has been felt for kContact_s. */
     bool hasLost() const { return air_s_ > kContact_s; }
     /** Where the nominal tool may be. */
     ToolSurface surface() const;
-    /** Changes `real` to what the robust loop is to see. @param wants  the place that the command leads the tool to [m] */
-    void see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants, JointState& real);
+    /** Changes `real` to what the robust loop is to see.
+    @param wants  the place that the command leads the tool to [m]
+    @param room   torque that may be added to each joint [Nm]: the force gives way where kRoom of it is not enough */
+    void see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants,
+             const JointVector& room, JointState& real);
     /** The torques that press [Nm]. */
     const JointVector& push() const { return push_; }
     /** The sensors account for what was added to the joint, but for its friction. @param beyond  of the torque [Nm] */
@@ -71,7 +78,7 @@ private:
     double calcWanted();
     void learnStiffness(double force);
 
-    double force_ = 0.0, tick_s_ = 0.0;
+    double force_ = 0.0, asked_ = 0.0, tick_s_ = 0.0;
     JointFriction friction_;
     JointVector gain_;  // of the law [Nms/rad]; of size 0: not known
     std::shared_ptr<RobotModel> model_;
@@ -79,12 +86,12 @@ private:
     JointVector external_, push_;
     bool isOn_ = false;
     Eigen::Vector3d normal_ = Eigen::Vector3d::UnitZ();
-    Eigen::Vector3d place_ = Eigen::Vector3d::Zero();     // of the tool, smoothed
-    Eigen::Vector3d begin_ = Eigen::Vector3d::Zero();     // of the present way
-    double beginForce_ = 0.0, air_s_ = 0.0;               // there; since the last touch
-    double offset_ = 0.0;                             // of the surface [m]
-    Eigen::Vector3d free_ = Eigen::Vector3d::Zero();  // where it last touched nothing
-    double measured_ = 0.0;                                                                 // along the normal [N]
+    Eigen::Vector3d place_ = Eigen::Vector3d::Zero();        // of the tool, smoothed
+    Eigen::Vector3d begin_ = Eigen::Vector3d::Zero();        // of the present way
+    double beginForce_ = 0.0, since_s_ = 0.0, air_s_ = 0.0;  // there; since the first and the last touch
+    double offset_ = 0.0;                                    // of the surface [m]
+    Eigen::Vector3d free_ = Eigen::Vector3d::Zero();         // where it last touched nothing
+    double measured_ = 0.0;                                  // along the normal [N]
     double deepest_ = 0.0, stiffness_ = 0.0, integral_ = 0.0, share_ = 0.0;
 };
 

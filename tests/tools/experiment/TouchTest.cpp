@@ -4,9 +4,13 @@
 
 #include <cmath>
 #include <cstdio>
+#include <random>
 
 #include "CaseSupport.h"
 #include "Effort.h"
+#include "core/Text.h"
+#include "viable/robot/RobotModel.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -75,15 +79,16 @@ struct Touch {
     double peak = 0.0, blow = 0.0;  ///< force [N]; that of the arm's mass on the spring
     int losses = 0;
     Figures rest, slide;
-    double aside = 0.0;       ///< of the tool from the hand along the surface while it slides, at most [m]
-    double leaves_s = 0.0;    ///< after the hand crossed the surface
-    double jump = 0.0;        ///< fastest real joint afterwards, as a share of its limit
-    double endError = 0.0;    ///< of the tool from the hand at the end [m]
+    double aside = 0.0;            ///< of the tool from the hand along the surface while it slides, at most [m]
+    double leaves_s = 0.0;         ///< after the hand crossed the surface
+    double jump = 0.0;             ///< fastest real joint afterwards, as a share of its limit
+    double endError = 0.0;         ///< of the tool from the hand at the end [m]
+    std::int64_t allocations = 0;  ///< in ticks
     bool isStopped = false, brokeLimits = false;
     std::string message;
 };
 
-Touch run(const std::vector<std::string>& overrides, double depth, double speed) {
+Touch run(const std::vector<std::string>& overrides, double depth, double wall, double speed) {
     CasePlan plan = readTestExperiment(kTouch, overrides).cases.front();
     RobotModel model(plan.robot);
     Dynamics dynamics;
@@ -110,7 +115,9 @@ Touch run(const std::vector<std::string>& overrides, double depth, double speed)
     bool touched = false, touches = false;
     const auto ticks = static_cast<int>(std::lround((hand.crossing() + 2.0) / plan.tick_s));
     for (int k = 0; k < ticks && !loop.hasStopped(); ++k) {
+        const testing::AllocationCounter counter;
         loop.tick(record);
+        found.allocations += counter.count();
         result.summary.add(record);
         const double force = record.contact.pressing, t = record.time_s;
         found.peak = std::max(found.peak, force);
@@ -118,10 +125,7 @@ Touch run(const std::vector<std::string>& overrides, double depth, double speed)
         if (!touched && force > 0.0) {
             const JointVector pull = dynamics.J.row(2).transpose();
             const double mass = 1.0 / pull.dot(dynamics.M.llt().solve(pull));
-            const double stiffness = plan.realPlant->parameters.resolved().find("contact_stiffness_Npm")
-                                         ? std::stod(plan.realPlant->parameters.resolved().find("contact_stiffness_Npm")->text)
-                                         : 0.0;
-            found.blow = std::abs(pull.dot(record.actual.qd)) * std::sqrt(mass * stiffness);
+            found.blow = std::abs(pull.dot(record.actual.qd)) * std::sqrt(mass * wall);
             touched = true;
         }
         if (touched && touches && force == 0.0 && t < hand.slideFrom()) ++found.losses;
@@ -129,13 +133,13 @@ Touch run(const std::vector<std::string>& overrides, double depth, double speed)
         if (t > hand.slideFrom() - 0.5 && t < hand.slideFrom()) found.rest.add(force);
         if (t > hand.slideFrom() + 0.3 && t < hand.backFrom()) {
             found.slide.add(force);
-            found.aside = std::max(found.aside, (dynamics.tool.position - record.command.tool.position).head<2>().norm());
+            found.aside =
+                std::max(found.aside, (dynamics.tool.position - record.command.tool.position).head<2>().norm());
         }
         if (t > hand.backFrom() && force > 0.0) found.leaves_s = t - hand.crossing();
         if (t > hand.crossing())
-            found.jump = std::max(
-                found.jump, record.actual.qd.cwiseAbs().cwiseQuotient(plan.limits.velocity.upper).maxCoeff());
-        if (getenv("TRACE") && k % 50 == 0) { Dynamics nom; model.calcDynamics(record.nominal.q, record.nominal.qd, nom); std::printf("t %.3f cmd %.3f %.3f %.3f nom %.3f %.3f %.3f real %.3f %.3f %.3f f %.1f\n", t, record.command.tool.position.x(), record.command.tool.position.y(), record.command.tool.position.z(), nom.tool.position.x(), nom.tool.position.y(), nom.tool.position.z(), dynamics.tool.position.x(), dynamics.tool.position.y(), dynamics.tool.position.z(), force); }
+            found.jump =
+                std::max(found.jump, record.actual.qd.cwiseAbs().cwiseQuotient(plan.limits.velocity.upper).maxCoeff());
         found.endError = (dynamics.tool.position - record.command.tool.position).norm();
     }
     found.isStopped = loop.isStopping();
@@ -144,26 +148,41 @@ Touch run(const std::vector<std::string>& overrides, double depth, double speed)
     return found;
 }
 
-TEST(Touch, ATo) {
-    for (const char* robot : {"indy7", "panda", "ur5e"})
-        for (const char* controller : {"tool_servo", "task_space_pd"})
-            for (const double stiffness : {250.0, 2.5e3, 2.5e4, 2.5e5, 1e6})
-                for (const double speed : {0.05, 0.2, 0.5}) {
-                    if (test::getEffort() < 1.0 && speed != 0.2) continue;
-                    if (const char* only = getenv("ONLY")) if (std::string(only) != std::string(robot) + controller + std::to_string(int(stiffness))) continue;
-                    const int substeps = stiffness > 5e5 ? 20 : 10;
-                    const std::vector<std::string> o{
-                        std::string("robot=") + robot, std::string("controller={plugin: ") + controller + "}",
-                        "real_plant.contact_stiffness_Npm=" + std::to_string(stiffness),
-                        "real_plant.substeps=" + std::to_string(substeps)};
-                    const Touch f = run(o, 0.1, speed);
-                    std::printf(
-                        "%-6s %-13s %8.0f %.2f peak %5.0f (blow %5.0f) lost %d rest %6.2f +- %5.2f slide %6.2f +- %5.2f least %5.1f "
-                        "aside %5.1f mm leaves %.3f s jump %.2f end %.1f mm %s %s\n",
-                        robot, controller, stiffness, speed, f.peak, f.blow, f.losses, f.rest.mean(), f.rest.deviation(),
-                        f.slide.mean(), f.slide.deviation(), f.slide.least, 1e3 * f.aside, f.leaves_s, f.jump, 1e3 * f.endError,
-                        f.brokeLimits ? "LIMITS" : "", f.isStopped ? f.message.c_str() : "");
-                }
+TEST(Touch, PressesAsAskedSlidesAndComesAwayOnAnyWall) {
+    std::mt19937 random(static_cast<unsigned>(test::getSeed(1)));
+    const auto draw = [&](const auto& from) { return from[random() % std::size(from)]; };
+    constexpr const char* kRobots[] = {"indy7", "panda", "ur5e"};
+    constexpr const char* kControllers[] = {"tool_servo", "task_space_pd"};
+    constexpr double kWalls[] = {250.0, 2.5e3, 2.5e4, 2.5e5, 1e6}, kForces[] = {10.0, 20.0, 50.0};
+    for (int k = 0; k < test::countOf(60); ++k) {
+        const char *const robot = draw(kRobots), *const controller = draw(kControllers);
+        const double wall = draw(kWalls), force = draw(kForces),
+                     speed = 0.05 * std::pow(10.0, 1e-3 * (random() % 1000));
+        const double depth = 0.1 + (wall < 1e3 ? force / wall : 0.0);
+        const Touch f = run({std::string("robot=") + robot, std::string("controller={plugin: ") + controller + "}",
+                             detail::format("robust_loop.contact_force_N=%g", force),
+                             detail::format("real_plant.contact_stiffness_Npm=%g", wall)},
+                            depth, wall, speed);
+        const std::string what = detail::format(
+            "%-6s %-13s %8.0f N/m %.2f m/s %3.0f N: peak %5.0f (blow %5.0f) lost %d rest %6.2f +- %5.2f slide %6.2f +- "
+            "%5.2f least "
+            "%5.1f aside %5.1f mm leaves %.3f s jump %.2f end %.1f mm%s",
+            robot, controller, wall, speed, force, f.peak, f.blow, f.losses, f.rest.mean(), f.rest.deviation(),
+            f.slide.mean(), f.slide.deviation(), f.slide.least, 1e3 * f.aside, f.leaves_s, f.jump, 1e3 * f.endError,
+            f.message.c_str());
+        std::puts(what.c_str());
+        EXPECT_TRUE(!f.isStopped && !f.brokeLimits) << what;
+        EXPECT_EQ(f.allocations, 0) << what;
+        EXPECT_NEAR(f.rest.mean(), force, 0.1 * force) << what;
+        EXPECT_LT(f.rest.deviation(), 0.1 * force) << what;
+        EXPECT_NEAR(f.slide.mean(), force, 0.3 * force) << what;
+        EXPECT_LT(f.slide.deviation(), 0.15 * force) << what;
+        EXPECT_GT(f.slide.least, 0.0) << what;
+        EXPECT_LT(f.aside, 0.01) << what;
+        EXPECT_LT(f.leaves_s, 0.1) << what;
+        EXPECT_LT(f.jump, 1.0) << what;
+        EXPECT_LT(f.endError, 0.005) << what;
+    }
 }
 
 }  // namespace

@@ -62,9 +62,8 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
     std::vector<ParameterSpec> specs(info.entry->parameters, info.entry->parameters + info.entry->parameterCount);
     const std::vector<ParameterSpec>& ofHost = settingsOf<RobustLoopSettings>();
     const bool isDeclared = std::any_of(specs.begin(), specs.end(), [&](const ParameterSpec& spec) {
-        return spec.name && std::any_of(ofHost.begin(), ofHost.end(), [&](const ParameterSpec& own) {
-            return std::string(spec.name) == own.name;
-        });
+        return spec.name && std::any_of(ofHost.begin(), ofHost.end(),
+                                        [&](const ParameterSpec& own) { return std::string(spec.name) == own.name; });
     });
     const bool takesHosts = kind == PluginKind::RobustLoop && !isDeclared;
     if (takesHosts) specs.insert(specs.end(), ofHost.begin(), ofHost.end());
