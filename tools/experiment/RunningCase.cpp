@@ -74,7 +74,8 @@ LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
             plan.feedsExternalTorque,
             findLimits(plan),
             isLive,
-            configured.plugins.realPlant && configured.plugins.realPlant->contact()};
+            configured.plugins.realPlant && configured.plugins.realPlant->contact(),
+            plan.robustLoop && plan.robustLoop->host.contactForce > 0.0};
 }
 
 LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
@@ -188,6 +189,7 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
     const CasePlan& plan = configured_->plan;
     result_.log = log.file;
     if (layout_.hasContact) result_.summary.watchContact();
+    if (layout_.hasTouch) result_.summary.watchTouch(plan.robustLoop->host.contactForce);
     result_.obstacles.insert(result_.obstacles.end(), log.moreObstacles.begin(), log.moreObstacles.end());
     LogOpening opening;
     if (!log.file.empty()) opening = makeOpening(*configured_, layout_, log);

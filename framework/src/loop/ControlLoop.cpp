@@ -8,6 +8,7 @@
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
+#include "loop/ToolTouch.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -93,7 +94,7 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealA
         const std::optional<LinearErrorLoop> law = plugins_.robustLoop->traits().errorLoop;
         authority_ = detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
         if (options_.contactForce > 0.0)
-            touch_ = detail::ToolTouch(setup, options_.contactForce, law ? &*law : nullptr);
+            touch_ = std::make_unique<detail::ToolTouch>(setup, options_.contactForce, law ? &*law : nullptr);
     }
     reset();
 }
@@ -123,7 +124,7 @@ void ControlLoop::reset() {
     isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = isWithheld_ = false;
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
-    if (touch_.isWanted()) touch_.reset();
+    if (touch_) touch_->reset();
     contact_ = {};
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     authority_.reset();
@@ -180,7 +181,7 @@ void ControlLoop::readPlant(bool isRead) {
     } else {
         passReading();
     }
-    if (touch_.isWanted()) feelTouch();
+    if (touch_) feelTouch();
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -255,15 +256,15 @@ void ControlLoop::feelTouch() {
         return TickStatus::Ok;
     });
     const Dynamics& dynamics = nominalArm_.dynamics();
-    if (!torque || !isBounded(*torque, n_) || dynamics.J.cols() != n_ || loop_.isStopping()) return touch_.end();
-    touch_.update(plausible_, *torque);
-    if (touch_.hasLost() && !nominalArm_.waits()) touch_.end();
-    if (!touch_.isOn()) return;
-    const detail::ToolSurface surface = touch_.surface();
-    if (nominalArm_.waits() || surface.normal.dot(dynamics.tool.position) < surface.offset) nominalArm_.wait(surface);
+    if (!torque || !isBounded(*torque, n_) || dynamics.J.cols() != n_ || loop_.isStopping()) return touch_->end();
     JointVector room(n_);
     for (int i = 0; i < n_; ++i) room[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
-    touch_.see(nominal(), dynamics, nominalArm_.wantedTool(), room, plausible_);
+    touch_->update(plausible_, *torque, room);
+    if (touch_->hasLost() && !nominalArm_.waits()) touch_->end();
+    if (!touch_->isOn()) return;
+    const detail::ToolSurface surface = touch_->surface();
+    if (nominalArm_.waits() || surface.normal.dot(dynamics.tool.position) < surface.offset) nominalArm_.wait(surface);
+    touch_->see(nominal(), dynamics, nominalArm_.wantedTool(), plausible_);
 }
 
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
@@ -293,7 +294,7 @@ void ControlLoop::checkAnswers() {
         const bool isStill = isLong && ((isSuspect(i) && sensors_.lastStep(i) > slow) || isPressed || isImplied);
         if (!isStill) continue;
         const double added = authority_.added(i);
-        if (touch_.explains(i, added)) continue;
+        if (touch_ && touch_->explains(i, added)) continue;
         dropReading(i, true);
         sensors_.disown(i, sensors_.changedDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
@@ -346,7 +347,7 @@ void ControlLoop::checkTracking() {
 void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || hasFailed() || stopReason() == StopReason::SensorFailed) return;
-    if (touch_.isSettling()) return;  // a tool that bounces swings, too
+    if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
     if (isTrackingLost_) {            // a loop that acts on wrong readings must not drive the arm on
         const detail::FollowingWatch::Torques torques{motorTorque_, robustTorque_, appliedTorque_, authority_};
         if (isWithheld_ && following_.update(plausible_, nominal(), torques, elapsedTicks).cause == Cause::Oscillation)
@@ -528,11 +529,12 @@ bool ControlLoop::askRobustLoop() {
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
         const bool isCut = authority_.cut(motorTorque_, robustTorque_);
         push_.resize(0);
-        if (touch_.isOn()) {
-            push_ = touch_.push();
+        const bool isTouching = touch_ && touch_->isOn();
+        if (isTouching) {
+            push_ = touch_->push();
             authority_.add(push_, robustTorque_);
         }
-        if (isCut || touch_.isOn()) limitRates(lastRobust, lastMotorTorque_);
+        if (isCut || isTouching) limitRates(lastRobust, lastMotorTorque_);
         return true;
     }
     loop_.beginStop(StopReason::RobustLoopFailed,
@@ -596,6 +598,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool hasReading) const {
     record.actual = actual_;
     record.hasReading = hasReading;
     record.contact = contact_;
+    if (touch_) touch_->fill(record.touch);
     record.externalTorque = externalTorque_;
     if (missingExternalTorques_ > 0) record.externalTorque.setConstant(std::numeric_limits<double>::quiet_NaN());
     record.missed = missedInRow_ > 0;

@@ -8,11 +8,14 @@
 #include "loop/LoopStatus.h"
 #include "loop/NominalArm.h"
 #include "loop/SensorCheck.h"
-#include "loop/ToolTouch.h"
 #include "tracking/TrackingBound.h"
 #include "viable/log/TickRecord.h"
 
 namespace viable {
+
+namespace detail {
+class ToolTouch;
+}
 
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
@@ -172,7 +175,7 @@ private:
     std::array<bool, kMaxJoints> isPlausible_{};
     SensorCheck sensors_;
     bool hasReading_ = false;  // one has been looked at since reset()
-    detail::ToolTouch touch_;
+    std::unique_ptr<detail::ToolTouch> touch_;  // null: no contact is asked for
     JointVector push_;  // of the touch, in robustTorque_; of size 0: none
     ContactReport contact_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it

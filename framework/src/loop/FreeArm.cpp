@@ -14,7 +14,9 @@ FreeArm::FreeArm(const RunSetup& setup) : limits_(setup.limits), tick_s_(setup.t
     servo_.configure(setup.limits, setup.tick_s);
 }
 
-void FreeArm::begin(const MotionState& nominal) {
+void FreeArm::wait(const ToolSurface& surface, const MotionState& nominal) {
+    surface_ = surface;
+    if (isOn_) return;
     isOn_ = true;
     state_ = target_ = nominal;
     filter_.reset(nominal);
@@ -33,28 +35,26 @@ bool FreeArm::move(const ControllerOutput& output) {
     return status == FilterStatus::Passed || status == FilterStatus::Modified || status == FilterStatus::Recovering;
 }
 
-/** The free tool's place, lifted to the surface. */
-void FreeArm::findTarget(const ToolSurface& surface, double beneath) {
+/** The free tool's place, lifted to the surface_. */
+void FreeArm::findTarget(double beneath) {
     model_.calcDynamics(target_.q, target_.qd, ofTarget_);
     Vector6 step, twist = dynamics_.J * state_.qd, turning = dynamics_.J * state_.qdd;
-    step.head<3>() = tool() + beneath * surface.normal - ofTarget_.tool.position;
-    const Eigen::AngleAxisd turn(dynamics_.tool.orientation * ofTarget_.tool.orientation.conjugate());
-    step.tail<3>() = (turn.angle() > kPi ? turn.angle() - 2.0 * kPi : turn.angle()) * turn.axis();
+    step.head<3>() = tool() + beneath * surface_.normal - ofTarget_.tool.position;
+    step.tail<3>() = calcTurn(ofTarget_.tool.orientation, dynamics_.tool.orientation);
     Vector6 rate = dynamics_.J * decision_.value;
     for (Vector6* part : {&twist, &turning, &rate})
-        part->head<3>() -= surface.normal.dot(part->head<3>()) * surface.normal;
+        part->head<3>() -= surface_.normal.dot(part->head<3>()) * surface_.normal;
     target_.q += calcJointStep(ofTarget_.J, step, state_.q - target_.q);
     target_.qd = calcJointStep(ofTarget_.J, twist, state_.qd);
     target_.qdd = calcJointStep(ofTarget_.J, turning, state_.qdd);
     targetJerk_ = calcJointStep(ofTarget_.J, rate, decision_.value);
 }
 
-void FreeArm::lead(const ToolSurface& surface, const MotionState& nominal, const Dynamics& dynamics,
-                   JointVector& jerk) {
-    const double beneath = surface.offset - surface.normal.dot(tool());
+void FreeArm::lead(const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk) {
+    const double beneath = surface_.offset - surface_.normal.dot(tool());
     if (beneath > 0.0) {
-        findTarget(surface, beneath);
-        followSurface(surface, nominal, dynamics, jerk);
+        findTarget(beneath);
+        followSurface(nominal, dynamics, jerk);
     } else {
         target_ = state_;
         servo_.calc(nominal, target_, jerk);
@@ -65,27 +65,26 @@ void FreeArm::lead(const ToolSurface& surface, const MotionState& nominal, const
 }
 
 /** The motion along the normal and the other one, each with kShare of the limits. */
-void FreeArm::followSurface(const ToolSurface& surface, const MotionState& nominal, const Dynamics& dynamics,
-                            JointVector& jerk) {
+void FreeArm::followSurface(const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk) {
     Vector6 out = Vector6::Zero();
-    out.head<3>() = surface.normal;
+    out.head<3>() = surface_.normal;
     const JointVector way = calcJointStep(dynamics.J, out, JointVector::Zero(nominal.q.size()));
-    const auto along = [&](const JointVector& joints) { return surface.normal.dot(dynamics.J.topRows<3>() * joints); };
-    const double height = surface.normal.dot(dynamics.tool.position) - surface.offset;
+    const auto along = [&](const JointVector& joints) { return surface_.normal.dot(dynamics.J.topRows<3>() * joints); };
+    const double height = surface_.normal.dot(dynamics.tool.position) - surface_.offset;
     const JointVector lifted = height * way, lifting = along(nominal.qd) * way, turning = along(nominal.qdd) * way;
     const JointVector other = targetJerk_ + calcJerk({nominal.q - lifted - target_.q, nominal.qd - lifting - target_.qd,
-                                                      nominal.qdd - turning - target_.qdd});
-    jerk = other - way * along(other) + calcJerk({lifted, lifting, turning});
+                                                      nominal.qdd - turning - target_.qdd}, 1.0 - kShare);
+    jerk = other - way * along(other) + calcJerk({lifted, lifting, turning}, kShare);
 }
 
 /** Leads an error and its derivatives to zero, all joints alike, as three equal poles do where nothing is at its limit: a
 velocity against the error, an acceleration to reach that, a jerk to reach that. Each is so bounded that the next can follow. */
-JointVector FreeArm::calcJerk(const MotionState& error) const {
+JointVector FreeArm::calcJerk(const MotionState& error, double part) const {
     const auto bound = [&](JointVector wanted, double rate, const JointBounds& own, double slower,
                            const JointBounds& next) {
         double share = 1.0;
         for (Eigen::Index i = 0; i < wanted.size(); ++i) {
-            const double most = kShare * std::min(std::min(own.upper[i], -own.lower[i]),
+            const double most = part * std::min(std::min(own.upper[i], -own.lower[i]),
                                                   std::min(next.upper[i], -next.lower[i]) / slower);
             if (std::abs(rate * wanted[i]) > most) share = std::min(share, most / std::abs(rate * wanted[i]));
         }

@@ -24,7 +24,8 @@ public:
     explicit FreeArm(const RunSetup& setup);
 
     bool isOn() const { return isOn_; }
-    void begin(const MotionState& nominal);
+    /** @param surface  what holds the tool; each tick anew */
+    void wait(const ToolSurface& surface, const MotionState& nominal);
     void end() { isOn_ = false; }
 
     const MotionState& state() const { return state_; }
@@ -34,17 +35,16 @@ public:
     /** Moves through the tick with the controller's torque. False: it cannot. */
     bool move(const ControllerOutput& output);
     /** The jerk that leads the nominal arm after it [rad/s^3]; ends where they are one. */
-    void lead(const ToolSurface& surface, const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk);
+    void lead(const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk);
 
 private:
     /** Share of the limits for the motion along the normal, and for the other one. */
-    static constexpr double kShare = 0.5;
+    static constexpr double kShare = 0.8;
     /** How fast both follow where the free arm is held [1/s]. */
     static constexpr double kFollow = 10.0;
-    void findTarget(const ToolSurface& surface, double beneath);
-    void followSurface(const ToolSurface& surface, const MotionState& nominal, const Dynamics& dynamics,
-                       JointVector& jerk);
-    JointVector calcJerk(const MotionState& error) const;
+    void findTarget(double beneath);
+    void followSurface(const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk);
+    JointVector calcJerk(const MotionState& error, double part) const;
 
     JointLimits limits_;
     double tick_s_ = 0.0;
@@ -52,6 +52,7 @@ private:
     CertifiedBrakingFilter filter_;
     Servo servo_;
     bool isOn_ = false;
+    ToolSurface surface_;
     MotionState state_, target_;
     JointVector targetJerk_;
     Dynamics dynamics_, ofTarget_;

@@ -1,5 +1,6 @@
 #include "loop/NominalArm.h"
 
+#include "loop/FreeArm.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {
@@ -54,6 +55,8 @@ NominalArm::NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopSt
     : setup_(setup), plugins_(plugins), loop_(loop), fixesLimits_(fixesLimits), model_(setup.robot), n_(setup.size()) {
     if (canWait) freeArm_ = std::make_unique<detail::FreeArm>(setup);
 }
+
+NominalArm::~NominalArm() = default;
 
 void NominalArm::reset(const MotionState& start) {
     state_ = start;
@@ -166,15 +169,22 @@ void NominalArm::tellSkippedTicks() {
 }
 
 void NominalArm::wait(const detail::ToolSurface& surface) {
-    if (!waits()) freeArm_->begin(state_);
-    surface_ = surface;
+    freeArm_->wait(surface, state_);
+}
+
+bool NominalArm::waits() const {
+    return freeArm_ && freeArm_->isOn();
+}
+
+const Eigen::Vector3d& NominalArm::wantedTool() const {
+    return waits() ? freeArm_->tool() : dynamics_.tool.position;
 }
 
 /** The controller has moved the free arm; the torque that is asked for is that of following it. */
 void NominalArm::followFreeArm() {
     output_.torque = desiredTorque_;
     if (!freeArm_->move(output_)) return freeArm_->end();
-    freeArm_->lead(surface_, state_, dynamics_, output_.accelerationRate);
+    freeArm_->lead(state_, dynamics_, output_.accelerationRate);
     output_.hasAccelerationRate = true;
     calcInverseDynamics(dynamics_, state_.qdd, desiredTorque_);
 }

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
-#include "loop/FreeArm.h"
 #include "loop/LoopStatus.h"
 #include "loop/StageTimer.h"
 #include "loop/StopMonitor.h"
@@ -10,6 +10,11 @@
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
+
+namespace detail {
+class FreeArm;
+struct ToolSurface;
+}  // namespace detail
 
 /** Torques [Nm] and accelerations [rad/s^2] beyond 1e9 are no arm's: a few ticks later the arithmetic would overflow. */
 bool isBounded(const JointVector& v, int n);
@@ -23,6 +28,7 @@ A plugin that throws, or goes on giving nothing of use, is a reason to stop (Loo
 Real time: no allocation, lock or throw after reset(). */
 class NominalArm {
 public:
+    ~NominalArm();
     /** All must outlive it. @param fixesLimits  a command that changes the limits is answered with a stop
     @param canWait  wait() may be called */
     NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits, bool canWait);
@@ -32,9 +38,9 @@ public:
 
     /** From now on it waits where the real tool is held, at `surface`; each tick anew, as long as waits() (see FreeArm). */
     void wait(const detail::ToolSurface& surface);
-    bool waits() const { return freeArm_ && freeArm_->isOn(); }
+    bool waits() const;
     /** Where the command leads the tool to: the waiting arm is not there [m]. */
-    const Eigen::Vector3d& wantedTool() const { return waits() ? freeArm_->tool() : dynamics_.tool.position; }
+    const Eigen::Vector3d& wantedTool() const;
 
     /** Decides how the arm moves in this tick. @param external  torque that acts on it, too [Nm]; of size 0: none */
     void decide(const JointVector& external, StageTimer& timer);
@@ -92,7 +98,6 @@ private:
     FilterDecision decision_;
     HeldMotion motion_;                         // of decision_
     std::unique_ptr<detail::FreeArm> freeArm_;  // null: it never waits
-    detail::ToolSurface surface_;
     FilterStatus status_ = FilterStatus::Passed;
     StopMonitor monitor_;
     StopVerdict verdict_ = StopVerdict::Safe;

@@ -29,6 +29,11 @@ Eigen::Vector3d calcToolForce(const ToolJacobian& J, const JointVector& torque) 
 
 }  // namespace
 
+Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
+    const Eigen::AngleAxisd turn(to * from.conjugate());
+    return (turn.angle() > kPi ? turn.angle() - 2.0 * kPi : turn.angle()) * turn.axis();
+}
+
 JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const JointVector& wish) {
     const double lever = calcLeverArm(J), angular = kAngular * lever, own = kWish * lever;
     const auto n = static_cast<int>(J.cols());
@@ -56,11 +61,13 @@ void ToolTouch::reset() {
     const auto n = friction_.coulomb.size();
     external_.setZero(n);
     push_.setZero(n);
+    lifted_.setZero(n);
     share_ = 0.0;
 }
 
 void ToolTouch::begin(const Eigen::Vector3d& force) {
     isOn_ = true;
+    lifted_.setZero();
     normal_ = force.normalized();
     place_ = dynamics_.tool.position;
     offset_ = normal_.dot(place_);
@@ -69,21 +76,28 @@ void ToolTouch::begin(const Eigen::Vector3d& force) {
     deepest_ = stiffness_ = integral_ = share_ = air_s_ = since_s_ = 0.0;
 }
 
-void ToolTouch::update(const JointState& real, const JointVector& external) {
+double ToolTouch::calcAsked(const Eigen::Vector3d& direction, const JointVector& room) const {
+    const JointVector pull = dynamics_.J.topRows<3>().transpose() * direction;
+    return std::min(force_, kRoom * room.cwiseQuotient(pull.cwiseAbs().cwiseMax(kNoLever)).minCoeff());
+}
+
+void ToolTouch::update(const JointState& real, const JointVector& external, const JointVector& room) {
     push_.setZero();
     external_ = external;
     model_->calcDynamics(real.q, real.qd, dynamics_);
     const Eigen::Vector3d at = dynamics_.tool.position, force = calcToolForce(dynamics_.J, external_);
     if (!isOn_) {
-        if (!(force.norm() > 0.5 * force_)) free_ = at;
+        asked_ = calcAsked(force.normalized(), room);
+        if (!(force.norm() > 0.5 * asked_)) free_ = at;
         const JointVector rest = external_ - dynamics_.J.topRows<3>().transpose() * force;
-        if (force.norm() > force_ && rest.norm() < kMoment * external_.norm()) begin(force);
+        if (force.norm() > asked_ && rest.norm() < kMoment * external_.norm()) begin(force);
         if (!isOn_) return;
     }
     since_s_ += tick_s_;
     place_ += follow(tick_s_, kPlace_s) * (at - place_);
     measured_ = normal_.dot(force);
-    air_s_ = measured_ > 0.5 * force_ ? 0.0 : air_s_ + tick_s_;
+    asked_ = calcAsked(normal_, room);
+    air_s_ = measured_ > 0.5 * asked_ ? 0.0 : air_s_ + tick_s_;
     if (air_s_ > 0.0) {
         begin_ = at;
         beginForce_ = measured_;
@@ -93,7 +107,7 @@ void ToolTouch::update(const JointState& real, const JointVector& external) {
     learnStiffness(measured_);
     // Without a force it has only bounced.
     const double height = normal_.dot(place_);
-    offset_ = measured_ > 0.5 * force_ ? height : std::min(height, offset_);
+    offset_ = measured_ > 0.5 * asked_ ? height : std::min(height, offset_);
 }
 
 /** The way is that of the surface, but for what the tool went deeper. */
@@ -129,25 +143,30 @@ double ToolTouch::calcWanted() {
     return -std::clamp(air_s_ > 0.0 ? std::max(pressing, back) : pressing, -kApproach, kApproach);
 }
 
+/** The arm with the nominal tool's pose, but for the place along the normal, and with its velocity, but for a share of that along it.
+Nearest to where it was, so that it goes on where the two are far apart. */
+void ToolTouch::liftNominal(const MotionState& nominal, const Dynamics& dynamics, double above, double share) {
+    model_->calcDynamics(nominal.q + lifted_, nominal.qd, ofLifted_);
+    Vector6 step;
+    step.head<3>() = dynamics.tool.position + above * normal_ - ofLifted_.tool.position;
+    step.tail<3>() = calcTurn(ofLifted_.tool.orientation, dynamics.tool.orientation);
+    lifted_ += calcJointStep(ofLifted_.J, step, -lifted_);
+    Vector6 twist = dynamics.J * nominal.qd;
+    twist.head<3>() -= share * normal_.dot(twist.head<3>()) * normal_;
+    liftedRate_ = calcJointStep(ofLifted_.J, twist, nominal.qd) - nominal.qd;
+}
+
 void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants,
-                    const JointVector& room, JointState& real) {
+                    JointState& real) {
     const Eigen::Vector3d at = dynamics_.tool.position;
-    Vector6 out = Vector6::Zero();
-    out.head<3>() = normal_;
-    const JointVector none = JointVector::Zero(real.q.size());
-    const JointVector way = calcJointStep(dynamics_.J, out, none);
-    const auto along = [&](const JointVector& joints) { return normal_.dot(dynamics.J.topRows<3>() * joints); };
     const JointVector pull = dynamics_.J.topRows<3>().transpose() * normal_;
-    asked_ = force_;
-    for (Eigen::Index i = 0; i < pull.size(); ++i)
-        asked_ = std::min(asked_, kRoom * room[i] / std::max(std::abs(pull[i]), kNoLever));
     const double wanted = calcWanted();
-    const double above = along(real.q - nominal.q);
+    const double above = normal_.dot(at - dynamics.tool.position);
     const double share = std::clamp(above / kLead, 0.0, 1.0);
     share_ = normal_.dot(wants - at) < 0.0 ? share : 0.0;
-    const double ofNominal = along(nominal.qd);
-    real.q -= way * std::max(0.0, above);
-    real.qd += way * (share * ofNominal);
+    liftNominal(nominal, dynamics, std::max(0.0, above), share);
+    real.q -= lifted_;
+    real.qd -= liftedRate_;
     // Against friction, no faster than the surface answers.
     const double damping = gain_.size() > 0 ? 1.0 / pull.cwiseProduct(pull).cwiseQuotient(gain_).sum() : 0.0;
     const double rate = std::min(1.0 / kFriction_s, damping > 0.0 ? stiffness_ / damping : kInfinity);
@@ -158,9 +177,13 @@ void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const 
     push_ = share_ * (damping * wanted - asked_ - integral_) * pull;
 }
 
+void ToolTouch::fill(TickRecord::Touch& record) const {
+    record = {};
+    if (isOn_) record = {true, measured_, asked_, normal_};
+}
+
 bool ToolTouch::explains(int joint, double beyond) const {
-    if (!isOn_) return false;
-    return std::abs(beyond + external_[joint]) <= 2.0 * friction_.coulomb[joint] + 0.1 * std::abs(external_[joint]);
+    return isSettling() || std::abs(beyond + external_[joint]) <= 2.0 * friction_.coulomb[joint] + 0.1 * std::abs(external_[joint]);
 }
 
 }  // namespace viable::detail

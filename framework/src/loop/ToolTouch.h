@@ -1,5 +1,6 @@
 #pragma once
 
+#include "viable/log/TickRecord.h"
 #include "viable/plugin/Plugin.h"
 #include "viable/plugin/RobustLoop.h"
 #include "viable/robot/RobotModel.h"
@@ -11,6 +12,9 @@ struct ToolSurface {
     Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< out of it, base frame
     double offset = 0.0;                                ///< [m]
 };
+
+/** The rotation that leads from one orientation to another, the short way. @return axis times angle [rad] */
+Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
 
 /** The motion of the joints that moves the tool by `step` (linear, angular) while it changes `wish` least, by damped least
 squares: the linear part goes before the angular one, where there are too few joints for both. @return [rad, m] */
@@ -44,15 +48,13 @@ public:
     is steeper shows that the surface gave way. */
     static constexpr double kWay = 0.001, kTurn = 0.3, kSlope = 0.3;
 
-    /** Nothing is ever touched. */
-    ToolTouch() = default;
     /** @param law  of the robust loop; null: not known */
     ToolTouch(const RunSetup& setup, double force, const LinearErrorLoop* law);
 
-    bool isWanted() const { return force_ > 0.0; }
     void reset();
-    /** @param external  as the sensors measure it [Nm] */
-    void update(const JointState& real, const JointVector& external);
+    /** @param external  as the sensors measure it [Nm]
+    @param room  torque that may be added to each joint [Nm]: the force gives way where kRoom of it is not enough */
+    void update(const JointState& real, const JointVector& external, const JointVector& room);
     void end() { isOn_ = false; }
 
     bool isOn() const { return isOn_; }
@@ -63,10 +65,9 @@ public:
     /** Where the nominal tool may be. */
     ToolSurface surface() const;
     /** Changes `real` to what the robust loop is to see.
-    @param wants  the place that the command leads the tool to [m]
-    @param room   torque that may be added to each joint [Nm]: the force gives way where kRoom of it is not enough */
-    void see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants,
-             const JointVector& room, JointState& real);
+    @param wants  the place that the command leads the tool to [m] */
+    void see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants, JointState& real);
+    void fill(TickRecord::Touch& record) const;
     /** The torques that press [Nm]. */
     const JointVector& push() const { return push_; }
     /** The sensors account for what was added to the joint, but for its friction. @param beyond  of the torque [Nm] */
@@ -75,15 +76,17 @@ public:
 private:
     void begin(const Eigen::Vector3d& force);
     void turnNormal(const Eigen::Vector3d& force);
+    double calcAsked(const Eigen::Vector3d& direction, const JointVector& room) const;
     double calcWanted();
+    void liftNominal(const MotionState& nominal, const Dynamics& dynamics, double above, double share);
     void learnStiffness(double force);
 
     double force_ = 0.0, asked_ = 0.0, tick_s_ = 0.0;
     JointFriction friction_;
     JointVector gain_;  // of the law [Nms/rad]; of size 0: not known
     std::shared_ptr<RobotModel> model_;
-    Dynamics dynamics_;  // of the real arm
-    JointVector external_, push_;
+    Dynamics dynamics_, ofLifted_;  // of the real arm; of the nominal one that is lifted
+    JointVector external_, push_, lifted_, liftedRate_;
     bool isOn_ = false;
     Eigen::Vector3d normal_ = Eigen::Vector3d::UnitZ();
     Eigen::Vector3d place_ = Eigen::Vector3d::Zero();        // of the tool, smoothed
