@@ -101,6 +101,25 @@ void checkExternalTorqueIsMeasured(const CasePlan& plan, const RealPlant& plant)
                        "Use a plant that measures it, or `external_torque: ignored`.");
 }
 
+void checkContactCanBeFelt(const CasePlan& plan, const RealPlant& plant) {
+    if (!plan.robustLoop || plan.robustLoop->host.contactForce == 0.0) return;
+    const std::string place = plan.robustLoop->parameters.place("contact_force_N");
+    if (!plant.externalTorque())
+        throw badInput(
+            place,
+            "the real plant " + plan.realPlant->plugin.name +
+                " has no torque sensors, and without them a contact is not told from an encoder that is stuck",
+            "Use a plant that measures the external torque, or leave it out: the arm is then stopped.");
+    const char* const other = plan.feedsExternalTorque                ? "external_torque: to_nominal"
+                              : plan.disturbances                     ? "a disturbance_set"
+                              : plan.robustLoop->host.acceptsUnstable ? "accept_unstable: true"
+                                                                      : nullptr;
+    if (other)
+        throw badInput(place, std::string("it does not go with ") + other,
+                       "Leave one of them out: both say what the arm does when something acts on it.");
+    requireJerkLimits(plan.limits, place, "a nominal arm that waits");
+}
+
 void checkControllerFollows(const CasePlan& plan, const CommandSource& command, const NominalController& controller) {
     if (controller.traits().follows(command.traits().space)) return;
     const bool joint = command.traits().space == MotionCommand::Space::Joint;

@@ -33,6 +33,8 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
                            const JointVector& motorRate, Encoder encoder);
 /** The motors carry what motion and disturbances ask for in the long run. */
 void checkMotors(const CasePlan& plan, const TrackingBound& bound);
+/** A plant that tells contacts from bad readings is there where `contact_force_N` asks for it. */
+void checkContactCanBeFelt(const CasePlan& plan, const RealPlant& plant);
 /** An external torque that is fed is one that the plant measures. */
 void checkExternalTorqueIsMeasured(const CasePlan& plan, const RealPlant& plant);
 /** The controller can follow what the command asks for. */

@@ -310,7 +310,7 @@ CaseForecast forecastCase(const ConfiguredCase& configured) {
 
 std::optional<detail::AuthoritySizes> findAuthority(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
-    if (!plan.robustLoop || plan.robustLoop->acceptsUnstable || plan.robustLoop->plugin.name == "none") return {};
+    if (!plan.robustLoop || plan.robustLoop->host.acceptsUnstable || plan.robustLoop->plugin.name == "none") return {};
     const std::optional<LinearErrorLoop> law = configured.plugins.robustLoop->traits().errorLoop;
     return detail::calcAuthority(configured.setup, law ? &*law : nullptr,
                                  configured.bound ? &*configured.bound : nullptr);

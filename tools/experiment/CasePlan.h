@@ -11,11 +11,29 @@
 
 namespace viable {
 
+/** In a block of a robust loop, whatever its plugin. */
+struct RobustLoopSettings {
+    double contactForce = 0.0;
+    bool acceptsUnstable = false;
+
+    template <class V>
+    void describe(V& v) {
+        v(contactForce, "contact_force_N", "N",
+          "Where the tool touches something the nominal arm waits, and the tool presses with this force; 0: it goes on "
+          "until the robust loop may add no more, and is stopped then. The plant must have torque sensors.")
+            .atLeast(0)
+            .upTo(1e4);
+        v(acceptsUnstable, "accept_unstable",
+          "A loop that is unstable on this arm is run all the same, an arm that does not follow is not stopped, and "
+          "the loop may use all of the motors: to show what happens.");
+    }
+};
+
 /** A plugin that a case uses, found and with its parameters read, not yet made. */
 struct PluginChoice {
     PluginInfo plugin;
     Parameters parameters;
-    bool acceptsUnstable = false;  ///< accept_unstable of a robust loop
+    RobustLoopSettings host{};  ///< of a robust loop
 };
 
 /** Ticks in a row that are missed on purpose: command, controller and filter do not run. */

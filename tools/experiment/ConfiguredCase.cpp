@@ -231,7 +231,10 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     plugins.command = maker.makeWatched<CommandSource>(plan.command);
     if (plan.stream) plugins.stream = std::make_unique<CommandStream>(plan.stream->get<StreamOptions>());
     plugins.controller = maker.makeWatched<NominalController>(plan.controller);
-    if (plugins.realPlant) detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);
+    if (plugins.realPlant) {
+        detail::checkExternalTorqueIsMeasured(plan, *plugins.realPlant);
+        detail::checkContactCanBeFelt(plan, *plugins.realPlant);
+    }
     detail::checkControllerFollows(plan, *plugins.command, *plugins.controller);
     return configured;
 } catch (const Error& e) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "environment/EnvironmentSettings.h"
+#include "experiment/CasePlan.h"
 #include "simulation/CommandStream.h"
 #include "tracking/TrackingBound.h"
 #include "viable/config/Settings.h"
@@ -12,19 +13,8 @@ namespace viable::detail {
 /** More filters in a row than anyone needs. */
 inline constexpr std::size_t kMaxFilters = 16;
 
-/** In a block of a robust loop, whatever its plugin. */
-struct RobustLoopSettings {
-    bool acceptsUnstable = false;
-
-    template <class V>
-    void describe(V& v) {
-        v(acceptsUnstable, "accept_unstable",
-          "A loop that is unstable on this arm is run all the same, an arm that does not follow is not stopped, and "
-          "the loop may use all of the motors: to show what happens.");
-    }
-};
 inline const ParameterSpec& acceptUnstable() {
-    return settingsOf<RobustLoopSettings>().front();
+    return settingsOf<RobustLoopSettings>().back();
 }
 
 struct PayloadSettings {

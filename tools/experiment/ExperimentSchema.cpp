@@ -25,7 +25,8 @@ Json makeConstant(const std::string& value) {
 Json makeParameters(const PluginInfo& plugin) {
     Json properties = {{"plugin", Json::object()}};
     if (plugin.kind == PluginKind::RobustLoop)
-        properties[detail::acceptUnstable().name] = detail::makeSchema(detail::acceptUnstable());
+        for (const ParameterSpec& spec : settingsOf<RobustLoopSettings>())
+            properties[spec.name] = detail::makeSchema(spec);
     for (std::uint64_t i = 0; i < plugin.entry->parameterCount; ++i) {
         const ParameterSpec& spec = plugin.entry->parameters[i];
         if (spec.name) properties[spec.name] = detail::makeSchema(spec);

@@ -113,7 +113,7 @@ private:
 
 LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks) {
     LoopMargins margins = findMargins(plan, loop, delayTicks);
-    if (margins.isStable || plan.robustLoop->acceptsUnstable) return margins;
+    if (margins.isStable || plan.robustLoop->host.acceptsUnstable) return margins;
     const std::vector<PoseInertia> samples = sampleInertia(plan.robot, plan.limits, kMarginPoses);
     if (samples.empty())
         throw badInput(plan.robot.folder.string(), "no pose of the robot has a usable inertia matrix",

@@ -76,7 +76,8 @@ LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
             plan.feedsExternalTorque,
             findLimits(plan),
             isLive,
-            configured.plugins.realPlant && configured.plugins.realPlant->contact()};
+            configured.plugins.realPlant && configured.plugins.realPlant->contact(),
+            plan.robustLoop && plan.robustLoop->host.contactForce > 0.0};
 }
 
 LogOpening makeOpening(const ConfiguredCase& configured, const LogLayout& layout, const CaseLog& log) {
@@ -192,14 +193,17 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
     const CasePlan& plan = configured_->plan;
     result_.log = log.file;
     if (layout_.hasContact) result_.summary.watchContact();
+    if (layout_.hasTouch) result_.summary.watchTouch(plan.robustLoop->host.contactForce);
     result_.obstacles.insert(result_.obstacles.end(), log.moreObstacles.begin(), log.moreObstacles.end());
     LogOpening opening;
     if (!log.file.empty()) opening = makeOpening(*configured_, layout_, log);
     loop_ = std::make_unique<ControlLoop>(
         configured_->setup, std::move(configured_->plugins),
         RealArmOptions{configured_->bound ? &*configured_->bound : nullptr, plan.feedsExternalTorque, true,
-                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->acceptsUnstable, configured_->motorRate,
-                       configured_->robustRate, !plan.robustLoop || !plan.robustLoop->acceptsUnstable});
+                       plan.holdsOnReal, plan.robustLoop && !plan.robustLoop->host.acceptsUnstable,
+                       configured_->motorRate, configured_->robustRate,
+                       !plan.robustLoop || !plan.robustLoop->host.acceptsUnstable,
+                       plan.robustLoop ? plan.robustLoop->host.contactForce : 0.0});
     const LimitScene scene = makeScene(plan);
     for (const LimitKind kind : listArmLimits()) {
         const LimitRow& row = getLimitRow(kind);

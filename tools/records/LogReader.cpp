@@ -254,6 +254,7 @@ struct LogReader::Impl {
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
         if (channel->name == "contact") layout.hasContact = true;
+        if (channel->name == "touch") layout.hasTouch = true;
         for (const LimitKind kind : listArmLimits())
             if (channel->name == getName(kind, LimitSide::Neither)) layout.limits.set(kind);
         if (channel->name == "live") layout.isLive = true;

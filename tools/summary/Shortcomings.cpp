@@ -198,6 +198,17 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
                          : "; joint_servo, which knows the limits, comes nearer)"));
 }
 
+/** The joints may not press as hard as was asked. */
+void addWeakTouch(const CaseResult& r, std::vector<std::string>& found) {
+    const auto& w = r.summary.waiting();
+    constexpr double kEnough = 0.9;
+    if (!w || w->ticks == 0 || !(w->leastAsked < kEnough * w->force)) return;
+    found.push_back(format(
+        "the tool pressed with less than the %.3g N asked for, down to %.3g N: the robust loop may add no more to a "
+        "joint there (`viable gains` tells how much; a smaller contact_force_N, or a pose with a shorter lever)",
+        w->force, w->leastAsked));
+}
+
 void addChatter(const CaseResult& r, std::vector<std::string>& found) {
     if (r.summary.chatter() > kChatter)
         found.push_back(
@@ -248,6 +259,7 @@ std::vector<std::string> findProblems(const CaseResult& r) {
         addMotors(r, found);
     }
     addStandstill(r, found);
+    addWeakTouch(r, found);
     addCommand(r, found);
     addJointCommand(r, found);
     addChatter(r, found);

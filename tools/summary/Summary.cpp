@@ -220,7 +220,7 @@ bool Summary::hasJointCommand(const TickRecord& record) const {
 }
 
 void Summary::addCommand(int i, const TickRecord& record) {
-    if (!hasJointCommand(record) || record.paused) return;
+    if (!hasJointCommand(record) || record.paused || record.touch.isOn) return;
     const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
     const double e = record.nominal.q[i] - target;
     squaredCommandError_ += e * e;
@@ -234,12 +234,24 @@ void Summary::addCommand(int i, const TickRecord& record) {
     squaredRealCommandError_ += real * real;
 }
 
+/** The commanded pose, moved up to the surface that holds the tool. */
+static Pose findReachable(const TickRecord& record, const Pose& tool) {
+    Pose reachable = record.command.tool;
+    const TickRecord::Touch& touch = record.touch;
+    if (touch.isOn)
+        reachable.position += std::max(0.0, touch.normal.dot(tool.position - reachable.position)) * touch.normal;
+    return reachable;
+}
+
 void Summary::addTool(const TickRecord& record) {
     if (record.command.space != MotionCommand::Space::Tool || record.paused) return;
-    toolError_.add(record.tool, record.command.tool);
-    toolCauses_.add((record.tool.position - record.command.tool.position).squaredNorm(), actingKinds_, tick_s_);
-    if (hasRealPlant_ && record.hasReading && reference_.calcTool)
-        realToolError_.add(reference_.calcTool(record.actual.q), record.command.tool);
+    const Pose command = findReachable(record, record.tool);
+    toolError_.add(record.tool, command);
+    toolCauses_.add((record.tool.position - command.position).squaredNorm(), actingKinds_, tick_s_);
+    if (hasRealPlant_ && record.hasReading && reference_.calcTool) {
+        const Pose tool = reference_.calcTool(record.actual.q);
+        realToolError_.add(tool, findReachable(record, tool));
+    }
     commandMotion_.add(record.command.tool.position, tick_s_);
     toolMotion_.add(record.tool.position, tick_s_);
 }
@@ -298,6 +310,13 @@ void Summary::addContact(const TickRecord& record) {
     if (!(now.pressing > t.peak.pressing)) return;
     t.peak = now;
     t.peak_s = record.time_s;
+}
+
+void Summary::addWaiting(const TickRecord& record) {
+    Waiting& w = *waiting_;
+    if (w.ticks++ == 0) w.first_s = record.time_s;
+    w.sum += record.touch.felt;
+    w.leastAsked = std::min(w.leastAsked, record.touch.asked);
 }
 
 void Summary::addMotors(const TickRecord& record) {
@@ -401,6 +420,7 @@ void Summary::add(const TickRecord& record) {
     if (hasRealPlant_ && record.hasReading) addReading(record);
     if (hasRealPlant_) addMotors(record);
     if (touching_ && record.hasReading) addContact(record);
+    if (waiting_ && record.touch.isOn) addWaiting(record);
     actingKinds_ = 0;
     for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
     for (int i = 0; i < n; ++i) {

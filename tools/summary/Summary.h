@@ -258,6 +258,16 @@ public:
     };
     const std::optional<Touching>& touching() const { return touching_; }
     void watchContact() { touching_.emplace(); }
+    /** How the nominal arm waited for a tool that is held (MATH 13); none: no contact force is asked for. */
+    struct Waiting {
+        double force = 0.0;                     ///< asked for in the file [N]
+        std::int64_t ticks = 0;                 ///< that it waited
+        double first_s = 0.0;                   ///< when first [s]
+        double sum = 0.0, leastAsked = kInfinity;  ///< of the force along the normal; of what the joints may give [N]
+        double mean() const { return sum / static_cast<double>(ticks); }
+    };
+    const std::optional<Waiting>& waiting() const { return waiting_; }
+    void watchTouch(double force) { waiting_.emplace().force = force; }
 
     const LatencyHistogram& tickTime() const { return tickTime_; }
     const LatencyHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
@@ -277,6 +287,7 @@ private:
     void addRest(int joint, const TickRecord& record);
     void addReading(const TickRecord& record);
     void addContact(const TickRecord& record);
+    void addWaiting(const TickRecord& record);
     void addMotors(const TickRecord& record);
     void addMotor(int joint, const TickRecord& record);
     static std::size_t findReal(LimitKind kind) { return kind == LimitKind::Position ? 0 : 1; }
@@ -303,6 +314,7 @@ private:
     double realEndSpeed_ = 0.0;
     std::int64_t externalTorqueMissing_ = 0;
     std::optional<Touching> touching_;
+    std::optional<Waiting> waiting_;
     bool isTouching_ = false;
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */

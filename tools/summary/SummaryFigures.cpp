@@ -238,6 +238,15 @@ std::vector<SummaryFigure> makeFigures() {
         return obstacle >= 0 && at < r.obstacles.size() ? r.obstacles[at] : std::string();
     });
 
+    t.begin("touch.", [](R r) { return r.summary.waiting().has_value(); });
+    t.add("ticks", [](S s) {
+         return s.waiting()->ticks;
+     }).column("touch.ticks", "", "Ticks in which the nominal arm waits for a tool that is held", Over::Sum);
+    t.add("force_N", [](S s) { return s.waiting()->force; });
+    t.add("first_s", [](S s) { return onlyIf(s.waiting()->ticks > 0, s.waiting()->first_s); });
+    t.add("mean_N", [](S s) { return onlyIf(s.waiting()->ticks > 0, s.waiting()->mean()); });
+    t.add("least_asked_N", [](S s) { return onlyIf(s.waiting()->ticks > 0, s.waiting()->leastAsked); });
+
     for (const LimitKind kind : listArmLimits()) addArmLimit(t, kind);
 
     t.begin("");

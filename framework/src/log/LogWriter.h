@@ -13,6 +13,7 @@ struct LogLayout {
     LimitSet limits;                 ///< of the whole arm: the kinds whose TickRecord::reports are logged
     bool isLive = false;             ///< a run in real time: pauses, takes and the time between ticks are logged
     bool hasContact = false;         ///< TickRecord::contact is there, and logged
+    bool hasTouch = false;           ///< TickRecord::touch is logged
 };
 
 /** A file carried inside a log. */

@@ -164,6 +164,13 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
     return isChanged;
 }
 
+void Authority::add(const JointVector& push, JointVector& torque) const {
+    for (int i = 0; i < n_; ++i) {
+        if (isOpen_[index(i)]) continue;
+        torque[i] = std::clamp(torque[i] + push[i], std::min(lowest_[i], torque[i]), std::max(highest_[i], torque[i]));
+    }
+}
+
 /** d, and on the way there what is left of the torque before, down from it in wayTicks_; the impulse as a triangle over all of
 it. */
 double Authority::calcOpen(int joint) {

@@ -76,6 +76,8 @@ public:
     /** True where it changed something. @param nominal  what moves the nominal arm: what the loop takes off that beyond a motor's
     limit is no push [Nm] */
     bool cut(const JointVector& nominal, JointVector& torque);
+    /** Adds a push that the loop knows nothing of, as far as it may be added beside `torque`, which was cut [Nm]. */
+    void add(const JointVector& push, JointVector& torque) const;
     /** What the motors really get of it, after all rates.
     @param isStill  the joint's reading is that of the tick before
     @param inertia  of the joint, the others held [kg m^2, kg] */

@@ -8,6 +8,7 @@
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
+#include "loop/ToolTouch.h"
 #include "viable/core/Error.h"
 
 namespace viable {
@@ -93,11 +94,13 @@ ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealA
       options_(options),
       n_(setup.size()),
       loop_(setup.tick_s, plugins_.watches),
-      nominalArm_(setup, plugins_, loop_, options.fixesLimits) {
+      nominalArm_(setup, plugins_, loop_, options.fixesLimits, options.contactForce > 0.0) {
     VIABLE_CHECK(!options_.bound || options_.bound->measured.size() == n_, "a tracking bound of another arm");
     if (plugins_.robustLoop && options_.limitsAuthority) {
         const std::optional<LinearErrorLoop> law = plugins_.robustLoop->traits().errorLoop;
         authority_ = detail::Authority(setup, detail::calcAuthority(setup, law ? &*law : nullptr, options_.bound));
+        if (options_.contactForce > 0.0)
+            touch_ = std::make_unique<detail::ToolTouch>(setup, options_.contactForce, law ? &*law : nullptr);
     }
     reset();
 }
@@ -123,9 +126,11 @@ void ControlLoop::reset() {
     real_ = actual_ = plausible_ = {start.q, start.qd};
     isPlausible_.fill(true);
     missingExternalTorques_ = missedInRow_ = releaseTicks_ = 0;
+    push_.resize(0);
     isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = isWithheld_ = false;
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
+    if (touch_) touch_->reset();
     contact_ = {};
     const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     authority_.reset();
@@ -182,6 +187,7 @@ void ControlLoop::readPlant(bool isRead) {
     } else {
         passReading();
     }
+    if (touch_) feelTouch();
     checkTracking();
     checkFollowing(elapsedTicks);
 }
@@ -248,6 +254,25 @@ bool ControlLoop::isSuspect(int joint) const {
     return !options_.bound && isDriven(joint) && sensors_.isSuspect(joint);
 }
 
+/** Lets the nominal arm wait where the real tool is held, and the robust loop see no more of it than it shall. */
+void ControlLoop::feelTouch() {
+    const JointVector* torque = nullptr;
+    loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+        torque = plugins_.realPlant->externalTorque();
+        return TickStatus::Ok;
+    });
+    const Dynamics& dynamics = nominalArm_.dynamics();
+    if (!torque || !isBounded(*torque, n_) || dynamics.J.cols() != n_ || loop_.isStopping()) return touch_->end();
+    JointVector room(n_);
+    for (int i = 0; i < n_; ++i) room[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
+    touch_->update(plausible_, *torque, room);
+    if (touch_->hasLost() && !nominalArm_.waits()) touch_->end();
+    if (!touch_->isOn()) return;
+    const detail::ToolSurface surface = touch_->surface();
+    if (nominalArm_.waits() || surface.normal.dot(dynamics.tool.position) < surface.offset) nominalArm_.wait(surface);
+    touch_->see(nominal(), dynamics, nominalArm_.wantedTool(), plausible_);
+}
+
 /** Brakes an arm with a joint that does not answer its motor. Its readings are not taken as plausible any more, and what it was
 pushed with in vain is taken back. */
 void ControlLoop::checkAnswers() {
@@ -275,6 +300,7 @@ void ControlLoop::checkAnswers() {
         const bool isStill = isLong && ((isSuspect(i) && sensors_.lastStep(i) > slow) || isPressed || isImplied);
         if (!isStill) continue;
         const double added = authority_.added(i);
+        if (touch_ && touch_->explains(i, added)) continue;
         dropReading(i, true);
         sensors_.disown(i, sensors_.changedDeviation(i));
         sensors_.standIn(i, nominal(), plausible_);
@@ -327,7 +353,8 @@ void ControlLoop::checkTracking() {
 void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || hasFailed() || stopReason() == StopReason::SensorFailed) return;
-    if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
+    if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
+    if (isTrackingLost_) {            // a loop that acts on wrong readings must not drive the arm on
         const detail::FollowingWatch::Torques torques{motorTorque_, robustTorque_, appliedTorque_, authority_};
         if (isWithheld_ && following_.update(plausible_, nominal(), torques, elapsedTicks).cause == Cause::Oscillation)
             endRobustLoop(true);
@@ -501,11 +528,19 @@ bool ControlLoop::askRobustLoop() {
     predictOpenJoints();
     authority_.update(nominal(), plausible_);
     const JointVector lastRobust = robustTorque_;
+    if (push_.size() == n_) robustTorque_ -= push_;  // is none of its own
     const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
-        if (authority_.cut(motorTorque_, robustTorque_)) limitRates(lastRobust, lastMotorTorque_);
+        const bool isCut = authority_.cut(motorTorque_, robustTorque_);
+        push_.resize(0);
+        const bool isTouching = touch_ && touch_->isOn();
+        if (isTouching) {
+            push_ = touch_->push();
+            authority_.add(push_, robustTorque_);
+        }
+        if (isCut || isTouching) limitRates(lastRobust, lastMotorTorque_);
         return true;
     }
     loop_.beginStop(StopReason::RobustLoopFailed,
@@ -569,6 +604,7 @@ void ControlLoop::fillRecord(TickRecord& record, bool hasReading) const {
     record.actual = actual_;
     record.hasReading = hasReading;
     record.contact = contact_;
+    if (touch_) touch_->fill(record.touch);
     record.externalTorque = externalTorque_;
     if (missingExternalTorques_ > 0) record.externalTorque.setConstant(std::numeric_limits<double>::quiet_NaN());
     record.missed = missedInRow_ > 0;

@@ -13,6 +13,10 @@
 
 namespace viable {
 
+namespace detail {
+class ToolTouch;
+}
+
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
 
@@ -46,6 +50,9 @@ struct RealArmOptions {
     JointVector robustRate{};
     /** What the robust loop adds has an end (see detail::Authority). */
     bool limitsAuthority = false;
+    /** Where the real tool touches something the nominal arm waits, and the tool presses with this force [N] (see
+    detail::ToolTouch). 0: it does not. The plant must have torque sensors; not with a bound. */
+    double contactForce = 0.0;
 };
 
 /** The tick: command, dynamics, controller, filter, monitor, nominal plant, robust loop, real plant.
@@ -131,6 +138,7 @@ private:
     bool isDriven(int joint) const;
     bool isSuspect(int joint) const;
     void checkAnswers();
+    void feelTouch();
     void checkTracking();
     void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
@@ -167,6 +175,8 @@ private:
     std::array<bool, kMaxJoints> isPlausible_{};
     SensorCheck sensors_;
     bool hasReading_ = false;  // one has been looked at since reset()
+    std::unique_ptr<detail::ToolTouch> touch_;  // null: no contact is asked for
+    JointVector push_;  // of the touch, in robustTorque_; of size 0: none
     ContactReport contact_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     int missingExternalTorques_ = 0;

@@ -1,5 +1,6 @@
 #include "loop/NominalArm.h"
 
+#include "loop/FreeArm.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {
@@ -49,8 +50,13 @@ bool isBounded(const JointVector& v, int n) {
     return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;
 }
 
-NominalArm::NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits)
-    : setup_(setup), plugins_(plugins), loop_(loop), fixesLimits_(fixesLimits), model_(setup.robot), n_(setup.size()) {}
+NominalArm::NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits,
+                       bool canWait)
+    : setup_(setup), plugins_(plugins), loop_(loop), fixesLimits_(fixesLimits), model_(setup.robot), n_(setup.size()) {
+    if (canWait) freeArm_ = std::make_unique<detail::FreeArm>(setup);
+}
+
+NominalArm::~NominalArm() = default;
 
 void NominalArm::reset(const MotionState& start) {
     state_ = start;
@@ -59,6 +65,7 @@ void NominalArm::reset(const MotionState& start) {
     missingCommands_ = missingTorques_ = 0;
     substituted_ = skippedTicks_ = pausedTicks_ = 0;
     isPaused_ = holdBegun_ = stopBegun_ = false;
+    if (freeArm_) freeArm_->end();
     desiredTorque_.setZero(n_);
     output_ = {};
     decision_ = {};
@@ -131,8 +138,10 @@ void NominalArm::readLimits(double t) {
 void NominalArm::readTorque(std::int64_t missed) {
     output_.hasAccelerationRate = false;
     const MotionCommand& command = plugins_.stream ? received_ : command_;
+    const MotionState& led = waits() ? freeArm_->state() : state_;
+    const Dynamics& dynamics = waits() ? freeArm_->updateDynamics() : dynamics_;
     const TickStatus status = loop_.contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
-        return plugins_.controller->compute({command, state_, dynamics_, {loop_.time(), missed}}, output_);
+        return plugins_.controller->compute({command, led, dynamics, {loop_.time(), missed}}, output_);
     });
     if (status == TickStatus::Ok && isFinite(output_.torque, n_) &&
         (!output_.hasAccelerationRate || isFinite(output_.accelerationRate, n_))) {
@@ -143,7 +152,7 @@ void NominalArm::readTorque(std::int64_t missed) {
     }
     output_.hasAccelerationRate = false;  // it is not that of the torque that stands in
     // Before the first good torque, gravity compensation is the harmless stand-in.
-    if (!hasTorque_) desiredTorque_ = dynamics_.gravity;
+    if (!hasTorque_) desiredTorque_ = dynamics.gravity;
     ++substituted_;
     if (++missingTorques_ > kMaxSubstitutedTicks)
         loop_.beginStop(StopReason::ControllerFailed, "it gave no usable torque (wrong size, not finite or not Ok)",
@@ -157,6 +166,27 @@ void NominalArm::tellSkippedTicks() {
         return FilterStatus::Passed;
     });
     skippedTicks_ = 0;
+}
+
+void NominalArm::wait(const detail::ToolSurface& surface) {
+    freeArm_->wait(surface, state_);
+}
+
+bool NominalArm::waits() const {
+    return freeArm_ && freeArm_->isOn();
+}
+
+const Eigen::Vector3d& NominalArm::wantedTool() const {
+    return waits() ? freeArm_->tool() : dynamics_.tool.position;
+}
+
+/** The controller has moved the free arm; the torque that is asked for is that of following it. */
+void NominalArm::followFreeArm() {
+    output_.torque = desiredTorque_;
+    if (!freeArm_->move(output_)) return freeArm_->end();
+    freeArm_->lead(state_, dynamics_, output_.accelerationRate);
+    output_.hasAccelerationRate = true;
+    calcInverseDynamics(dynamics_, state_.qdd, desiredTorque_);
 }
 
 bool NominalArm::askFilter(const JointVector& external) {
@@ -236,7 +266,9 @@ void NominalArm::decide(const JointVector& external, StageTimer& timer) {
     timer.mark(Stage::Command);
     model_.calcDynamics(state_.q, state_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
+    if (freeArm_ && !asksPlugins()) freeArm_->end();
     if (asksPlugins()) readTorque(skipped);
+    if (waits()) followFreeArm();
     timer.mark(Stage::Controller);
     if (asksPlugins() && askFilter(external)) {
         removedTorque_ = desiredTorque_ - motion_.torque;
@@ -257,6 +289,7 @@ void NominalArm::missTick(bool reachesMotors, StageTimer& timer) {
     hasNewLimits_ = false;
     stopBegun_ = reachesMotors && loop_.isStopping();
     model_.calcDynamics(state_.q, state_.qd, dynamics_);
+    if (freeArm_) freeArm_->end();
     timer.mark(Stage::Dynamics);
     followStop();
     ++skippedTicks_;

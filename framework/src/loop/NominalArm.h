@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "loop/LoopStatus.h"
 #include "loop/StageTimer.h"
@@ -9,6 +10,11 @@
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
+
+namespace detail {
+class FreeArm;
+struct ToolSurface;
+}  // namespace detail
 
 /** Torques [Nm] and accelerations [rad/s^2] beyond 1e9 are no arm's: a few ticks later the arithmetic would overflow. */
 bool isBounded(const JointVector& v, int n);
@@ -22,11 +28,19 @@ A plugin that throws, or goes on giving nothing of use, is a reason to stop (Loo
 Real time: no allocation, lock or throw after reset(). */
 class NominalArm {
 public:
-    /** All must outlive it. @param fixesLimits  a command that changes the limits is answered with a stop */
-    NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits);
+    ~NominalArm();
+    /** All must outlive it. @param fixesLimits  a command that changes the limits is answered with a stop
+    @param canWait  wait() may be called */
+    NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits, bool canWait);
 
     /** Back to t = 0 at `start`, with command, controller and filter. Throws Error (PluginFailed). */
     void reset(const MotionState& start);
+
+    /** From now on it waits where the real tool is held, at `surface`; each tick anew, as long as waits() (see FreeArm). */
+    void wait(const detail::ToolSurface& surface);
+    bool waits() const;
+    /** Where the command leads the tool to: the waiting arm is not there [m]. */
+    const Eigen::Vector3d& wantedTool() const;
 
     /** Decides how the arm moves in this tick. @param external  torque that acts on it, too [Nm]; of size 0: none */
     void decide(const JointVector& external, StageTimer& timer);
@@ -62,6 +76,7 @@ private:
     /** @param missed  ticks before this one, in which it was not asked */
     void readTorque(std::int64_t missed);
     void tellSkippedTicks();
+    void followFreeArm();
     /** False: there is no decision that may be applied. */
     bool askFilter(const JointVector& external);
     bool passMonitor();
@@ -81,7 +96,8 @@ private:
     ControllerOutput output_;
     JointVector desiredTorque_, wantedTorque_, removedTorque_;
     FilterDecision decision_;
-    HeldMotion motion_;  // of decision_
+    HeldMotion motion_;                         // of decision_
+    std::unique_ptr<detail::FreeArm> freeArm_;  // null: it never waits
     FilterStatus status_ = FilterStatus::Passed;
     StopMonitor monitor_;
     StopVerdict verdict_ = StopVerdict::Safe;

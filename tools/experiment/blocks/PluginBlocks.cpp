@@ -58,15 +58,17 @@ PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLo
         choice.parameters = readPythonParameters(block, info.library.string() + ":" + info.name, joints);
         return choice;
     }
-    // The host's own key, for any loop that tells its law.
+    // The host's own keys, for any loop that tells its law.
     std::vector<ParameterSpec> specs(info.entry->parameters, info.entry->parameters + info.entry->parameterCount);
-    const bool isRobustLoop = kind == PluginKind::RobustLoop;
-    const bool isDeclared = std::any_of(specs.begin(), specs.end(), [](const ParameterSpec& spec) {
-        return spec.name && std::string(spec.name) == acceptUnstable().name;
+    const std::vector<ParameterSpec>& ofHost = settingsOf<RobustLoopSettings>();
+    const bool isDeclared = std::any_of(specs.begin(), specs.end(), [&](const ParameterSpec& spec) {
+        return spec.name && std::any_of(ofHost.begin(), ofHost.end(),
+                                        [&](const ParameterSpec& own) { return std::string(spec.name) == own.name; });
     });
-    if (isRobustLoop && !isDeclared) specs.push_back(acceptUnstable());
+    const bool takesHosts = kind == PluginKind::RobustLoop && !isDeclared;
+    if (takesHosts) specs.insert(specs.end(), ofHost.begin(), ofHost.end());
     choice.parameters = readParameters(block, specs.data(), specs.size(), joints);
-    choice.acceptsUnstable = isRobustLoop && !isDeclared && choice.parameters.get<RobustLoopSettings>().acceptsUnstable;
+    if (takesHosts) choice.host = choice.parameters.get<RobustLoopSettings>();
     return choice;
 }
 

@@ -39,6 +39,14 @@ struct TickRecord {
         double rest = 0.0;        ///< place where it would rest [rad]; NaN: nowhere
     };
 
+    /** What the tool presses against, as the torque sensors tell; where a contact force is asked for (MATH 13). */
+    struct Touch {
+        bool isOn = false;  ///< the nominal arm waits for the real tool, which is held
+        double felt = 0.0;  ///< force along the normal [N]
+        double asked = 0.0;  ///< less than the one of the file where the joints may not press so much [N]
+        Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< out of the surface, base frame
+    };
+
     double time_s = 0.0;  ///< since the start of the run, >= 0
     MotionCommand command;
     Nominal nominal;
@@ -55,6 +63,7 @@ struct TickRecord {
     /** tau_ext, the surroundings', as measured, where it moves the nominal arm [Nm]; else empty. Not a number:
     the reading was unusable, and the last good one acted (after 10 such ticks none). */
     JointVector externalTorque;
+    Touch touch;
     ContactReport contact;  ///< the true arm's, where its plant knows
     /** tau_d + tau_ext - tau_c [Nm]; zero in ticks without a controller's torque (a stop of the host's). */
     JointVector removedTorque;

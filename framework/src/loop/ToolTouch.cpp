@@ -1,0 +1,189 @@
+#include "loop/ToolTouch.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace viable::detail {
+
+namespace {
+
+/** Weights of the angular part and of the wish, beside that of the linear part: of the tool's lever arm. */
+constexpr double kAngular = 0.1, kWish = 0.01;
+/** Of the torques that the sensors show, at most so much may be no force at the tool. */
+constexpr double kMoment = 0.3;
+/** A joint with less pull on the tool does not hold it [m]. */
+constexpr double kNoLever = 1e-6;
+
+double follow(double tick_s, double time_s) {
+    return std::min(1.0, tick_s / time_s);
+}
+
+/** The force at the tool that explains the joints' torques best [N]. */
+Eigen::Vector3d calcToolForce(const ToolJacobian& J, const JointVector& torque) {
+    const auto linear = J.topRows<3>();
+    const Eigen::Matrix3d A = linear * linear.transpose();
+    const double damping = 1e-6 * A.trace();
+    return (A + damping * Eigen::Matrix3d::Identity()).llt().solve(Eigen::Vector3d(linear * torque));
+}
+
+}  // namespace
+
+Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
+    const Eigen::AngleAxisd turn(to * from.conjugate());
+    return (turn.angle() > kPi ? turn.angle() - 2.0 * kPi : turn.angle()) * turn.axis();
+}
+
+JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const JointVector& wish) {
+    const double lever = calcLeverArm(J), angular = kAngular * lever, own = kWish * lever;
+    const auto n = static_cast<int>(J.cols());
+    JointMatrix A = JointMatrix::Identity(n, n) * (own * own);
+    A += J.topRows<3>().transpose() * J.topRows<3>();
+    A += (angular * angular) * (J.bottomRows<3>().transpose() * J.bottomRows<3>());
+    JointVector b = (own * own) * wish;
+    b += J.topRows<3>().transpose() * step.head<3>();
+    b += (angular * angular) * (J.bottomRows<3>().transpose() * step.tail<3>());
+    Eigen::LLT<JointMatrix>(A).solveInPlace(b);
+    return b;
+}
+
+ToolTouch::ToolTouch(const RunSetup& setup, double force, const LinearErrorLoop* law)
+    : force_(force),
+      tick_s_(setup.tick_s),
+      friction_(setup.robot.actuation.friction),
+      model_(std::make_shared<RobotModel>(setup.robot)) {
+    if (law) gain_ = law->kr;
+    reset();
+}
+
+void ToolTouch::reset() {
+    isOn_ = false;
+    const auto n = friction_.coulomb.size();
+    external_.setZero(n);
+    push_.setZero(n);
+    lifted_.setZero(n);
+    share_ = 0.0;
+}
+
+void ToolTouch::begin(const Eigen::Vector3d& force) {
+    isOn_ = true;
+    lifted_.setZero();
+    normal_ = force.normalized();
+    place_ = dynamics_.tool.position;
+    offset_ = normal_.dot(place_);
+    begin_ = place_;
+    beginForce_ = force.norm();
+    deepest_ = stiffness_ = integral_ = share_ = air_s_ = since_s_ = 0.0;
+}
+
+double ToolTouch::calcAsked(const Eigen::Vector3d& direction, const JointVector& room) const {
+    const JointVector pull = dynamics_.J.topRows<3>().transpose() * direction;
+    return std::min(force_, kRoom * room.cwiseQuotient(pull.cwiseAbs().cwiseMax(kNoLever)).minCoeff());
+}
+
+void ToolTouch::update(const JointState& real, const JointVector& external, const JointVector& room) {
+    push_.setZero();
+    external_ = external;
+    model_->calcDynamics(real.q, real.qd, dynamics_);
+    const Eigen::Vector3d at = dynamics_.tool.position, force = calcToolForce(dynamics_.J, external_);
+    if (!isOn_) {
+        asked_ = calcAsked(force.normalized(), room);
+        if (!(force.norm() > 0.5 * asked_)) free_ = at;
+        const JointVector rest = external_ - dynamics_.J.topRows<3>().transpose() * force;
+        if (force.norm() > asked_ && rest.norm() < kMoment * external_.norm()) begin(force);
+        if (!isOn_) return;
+    }
+    since_s_ += tick_s_;
+    place_ += follow(tick_s_, kPlace_s) * (at - place_);
+    measured_ = normal_.dot(force);
+    asked_ = calcAsked(normal_, room);
+    air_s_ = measured_ > 0.5 * asked_ ? 0.0 : air_s_ + tick_s_;
+    if (air_s_ > 0.0) {
+        begin_ = at;
+        beginForce_ = measured_;
+    } else {
+        turnNormal(force);
+    }
+    learnStiffness(measured_);
+    // Without a force it has only bounced.
+    const double height = normal_.dot(place_);
+    offset_ = measured_ > 0.5 * asked_ ? height : std::min(height, offset_);
+}
+
+/** The way is that of the surface, but for what the tool went deeper. */
+void ToolTouch::turnNormal(const Eigen::Vector3d& force) {
+    const Eigen::Vector3d at = dynamics_.tool.position;
+    const double deeper = stiffness_ > 0.0 ? (measured_ - beginForce_) / stiffness_ : 0.0;
+    const Eigen::Vector3d moved = at - begin_ + deeper * normal_;
+    const double out = normal_.dot(moved), along = (moved - out * normal_).norm();
+    if (!(along > kWay) || !(std::abs(out) < kSlope * along)) return;
+    const Eigen::Vector3d way = moved.normalized(), seen = force - way.dot(force) * way;
+    normal_ = (normal_ + kTurn * (seen.normalized() - normal_)).normalized();
+    begin_ = at;
+    beginForce_ = normal_.dot(force);
+}
+
+void ToolTouch::learnStiffness(double force) {
+    const double depth = normal_.dot(free_ - dynamics_.tool.position);
+    if (!(depth > deepest_) || !(force > 0.0)) return;
+    deepest_ = depth;
+    if (stiffness_ == 0.0 || depth < kLead) stiffness_ = force / depth;
+}
+
+ToolSurface ToolTouch::surface() const {
+    return {normal_, offset_ - kLead};
+}
+
+/** The velocity along the normal [m/s]. */
+double ToolTouch::calcWanted() {
+    const double softness = std::max(asked_ / kApproach, kContact_s * stiffness_);
+    const double pressing = (asked_ - measured_) / softness;
+    const double away = normal_.dot(dynamics_.tool.position) - offset_;
+    const double back = std::max(away / kContact_s, kApproach * (air_s_ / kContact_s - 1.0));
+    return -std::clamp(air_s_ > 0.0 ? std::max(pressing, back) : pressing, -kApproach, kApproach);
+}
+
+/** The arm with the nominal tool's pose, but for the place along the normal, and with its velocity, but for a share of that along it.
+Nearest to where it was, so that it goes on where the two are far apart. */
+void ToolTouch::liftNominal(const MotionState& nominal, const Dynamics& dynamics, double above, double share) {
+    model_->calcDynamics(nominal.q + lifted_, nominal.qd, ofLifted_);
+    Vector6 step;
+    step.head<3>() = dynamics.tool.position + above * normal_ - ofLifted_.tool.position;
+    step.tail<3>() = calcTurn(ofLifted_.tool.orientation, dynamics.tool.orientation);
+    lifted_ += calcJointStep(ofLifted_.J, step, -lifted_);
+    Vector6 twist = dynamics.J * nominal.qd;
+    twist.head<3>() -= share * normal_.dot(twist.head<3>()) * normal_;
+    liftedRate_ = calcJointStep(ofLifted_.J, twist, nominal.qd) - nominal.qd;
+}
+
+void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants,
+                    JointState& real) {
+    const Eigen::Vector3d at = dynamics_.tool.position;
+    const JointVector pull = dynamics_.J.topRows<3>().transpose() * normal_;
+    const double wanted = calcWanted();
+    const double above = normal_.dot(at - dynamics.tool.position);
+    const double share = std::clamp(above / kLead, 0.0, 1.0);
+    share_ = normal_.dot(wants - at) < 0.0 ? share : 0.0;
+    liftNominal(nominal, dynamics, std::max(0.0, above), share);
+    real.q -= lifted_;
+    real.qd -= liftedRate_;
+    // Against friction, no faster than the surface answers.
+    const double damping = gain_.size() > 0 ? 1.0 / pull.cwiseProduct(pull).cwiseQuotient(gain_).sum() : 0.0;
+    const double rate = std::min(1.0 / kFriction_s, damping > 0.0 ? stiffness_ / damping : kInfinity);
+    if (air_s_ == 0.0)
+        integral_ += share_ * rate * tick_s_ * std::max(-2.0 * asked_, asked_ - measured_);
+    else
+        integral_ -= follow(tick_s_, kContact_s) * integral_;
+    push_ = share_ * (damping * wanted - asked_ - integral_) * pull;
+}
+
+void ToolTouch::fill(TickRecord::Touch& record) const {
+    record = {};
+    if (isOn_) record = {true, measured_, asked_, normal_};
+}
+
+bool ToolTouch::explains(int joint, double beyond) const {
+    return isSettling() || std::abs(beyond + external_[joint]) <= 2.0 * friction_.coulomb[joint] + 0.1 * std::abs(external_[joint]);
+}
+
+}  // namespace viable::detail
