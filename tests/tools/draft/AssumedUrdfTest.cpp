@@ -183,7 +183,7 @@ std::vector<Trouble> listTroubles() {
     };
 }
 
-TEST(AssumedUrdf, EachTroubleIsToldWithoutAndMendedWithIt) {
+TEST(AssumedUrdf, Fault96_EachTroubleIsToldWithoutAndMendedWithIt) {
     const PoorFile file;
     for (const Trouble& trouble : listTroubles()) {
         SCOPED_TRACE(trouble.name);
