@@ -20,6 +20,15 @@ constexpr double kLeastCut = 1e-6;
 /** Of the motor's torque limit: the robust loop's torque that counts as a push to one side. */
 constexpr double kPushShare = 0.2;
 
+/** The commanded pose, moved up to the surface that holds the tool. */
+Pose findReachable(const TickRecord& record, const Pose& tool) {
+    Pose reachable = record.command.tool;
+    const TickRecord::Touch& touch = record.touch;
+    if (touch.isOn)
+        reachable.position += std::max(0.0, touch.normal.dot(tool.position - reachable.position)) * touch.normal;
+    return reachable;
+}
+
 }  // namespace
 
 Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
@@ -232,15 +241,6 @@ void Summary::addCommand(int i, const TickRecord& record) {
     ++realCommandTicks_;
     const double real = record.actual.q[i] - target;
     squaredRealCommandError_ += real * real;
-}
-
-/** The commanded pose, moved up to the surface that holds the tool. */
-static Pose findReachable(const TickRecord& record, const Pose& tool) {
-    Pose reachable = record.command.tool;
-    const TickRecord::Touch& touch = record.touch;
-    if (touch.isOn)
-        reachable.position += std::max(0.0, touch.normal.dot(tool.position - reachable.position)) * touch.normal;
-    return reachable;
 }
 
 void Summary::addTool(const TickRecord& record) {

@@ -260,9 +260,9 @@ public:
     void watchContact() { touching_.emplace(); }
     /** How the nominal arm waited for a tool that is held (MATH 13); none: no contact force is asked for. */
     struct Waiting {
-        double force = 0.0;                     ///< asked for in the file [N]
-        std::int64_t ticks = 0;                 ///< that it waited
-        double first_s = 0.0;                   ///< when first [s]
+        double force = 0.0;                        ///< asked for in the file [N]
+        std::int64_t ticks = 0;                    ///< that it waited
+        double first_s = 0.0;                      ///< when first [s]
         double sum = 0.0, leastAsked = kInfinity;  ///< of the force along the normal; of what the joints may give [N]
         double mean() const { return sum / static_cast<double>(ticks); }
     };

@@ -405,10 +405,11 @@ std::string formatReal(const Summary& s) {
     if (s.waiting())
         text += s.waiting()->ticks == 0
                     ? "  held          never: the tool met nothing that holds it\n"
-                    : format("  held          the nominal arm waited for the tool in %lld ticks, first at %.3f s; it "
-                             "pressed with %.3g N in the mean, %.3g N asked for\n",
-                             static_cast<long long>(s.waiting()->ticks), s.waiting()->first_s, s.waiting()->mean(),
-                             s.waiting()->force);
+                    : format(
+                          "  held          the nominal arm waited for the tool in %lld ticks, first at %.3f s; it "
+                          "pressed with %.3g N in the mean, %.3g N asked for\n",
+                          static_cast<long long>(s.waiting()->ticks), s.waiting()->first_s, s.waiting()->mean(),
+                          s.waiting()->force);
     if (s.externalTorqueMissing() > 0)
         text += format("  external      %lld ticks without a usable external torque\n",
                        static_cast<long long>(s.externalTorqueMissing()));

@@ -354,7 +354,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || hasFailed() || stopReason() == StopReason::SensorFailed) return;
     if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
-    if (isTrackingLost_) {            // a loop that acts on wrong readings must not drive the arm on
+    if (isTrackingLost_) {                       // a loop that acts on wrong readings must not drive the arm on
         const detail::FollowingWatch::Torques torques{motorTorque_, robustTorque_, appliedTorque_, authority_};
         if (isWithheld_ && following_.update(plausible_, nominal(), torques, elapsedTicks).cause == Cause::Oscillation)
             endRobustLoop(true);

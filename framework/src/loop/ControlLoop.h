@@ -174,9 +174,9 @@ private:
     JointState plausible_;  // what the robust loop gets of real_
     std::array<bool, kMaxJoints> isPlausible_{};
     SensorCheck sensors_;
-    bool hasReading_ = false;  // one has been looked at since reset()
+    bool hasReading_ = false;                   // one has been looked at since reset()
     std::unique_ptr<detail::ToolTouch> touch_;  // null: no contact is asked for
-    JointVector push_;  // of the touch, in robustTorque_; of size 0: none
+    JointVector push_;                          // of the touch, in robustTorque_; of size 0: none
     ContactReport contact_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     int missingExternalTorques_ = 0;

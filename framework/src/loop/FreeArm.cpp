@@ -73,7 +73,8 @@ void FreeArm::followSurface(const MotionState& nominal, const Dynamics& dynamics
     const double height = surface_.normal.dot(dynamics.tool.position) - surface_.offset;
     const JointVector lifted = height * way, lifting = along(nominal.qd) * way, turning = along(nominal.qdd) * way;
     const JointVector other = targetJerk_ + calcJerk({nominal.q - lifted - target_.q, nominal.qd - lifting - target_.qd,
-                                                      nominal.qdd - turning - target_.qdd}, 1.0 - kShare);
+                                                      nominal.qdd - turning - target_.qdd},
+                                                     1.0 - kShare);
     jerk = other - way * along(other) + calcJerk({lifted, lifting, turning}, kShare);
 }
 
@@ -85,7 +86,7 @@ JointVector FreeArm::calcJerk(const MotionState& error, double part) const {
         double share = 1.0;
         for (Eigen::Index i = 0; i < wanted.size(); ++i) {
             const double most = part * std::min(std::min(own.upper[i], -own.lower[i]),
-                                                  std::min(next.upper[i], -next.lower[i]) / slower);
+                                                std::min(next.upper[i], -next.lower[i]) / slower);
             if (std::abs(rate * wanted[i]) > most) share = std::min(share, most / std::abs(rate * wanted[i]));
         }
         return JointVector(share * rate * wanted);

@@ -183,7 +183,8 @@ void ToolTouch::fill(TickRecord::Touch& record) const {
 }
 
 bool ToolTouch::explains(int joint, double beyond) const {
-    return isSettling() || std::abs(beyond + external_[joint]) <= 2.0 * friction_.coulomb[joint] + 0.1 * std::abs(external_[joint]);
+    return isSettling() ||
+           std::abs(beyond + external_[joint]) <= 2.0 * friction_.coulomb[joint] + 0.1 * std::abs(external_[joint]);
 }
 
 }  // namespace viable::detail

@@ -39,10 +39,10 @@ struct TickRecord {
         double rest = 0.0;        ///< place where it would rest [rad]; NaN: nowhere
     };
 
-    /** What the tool presses against, as the torque sensors tell; where a contact force is asked for (MATH 13). */
+    /** A surface that holds the tool, as the torque sensors tell; where a contact force is asked for (MATH 13). */
     struct Touch {
-        bool isOn = false;  ///< the nominal arm waits for the real tool, which is held
-        double felt = 0.0;  ///< force along the normal [N]
+        bool isOn = false;   ///< the nominal arm waits for the real tool, which is held
+        double felt = 0.0;   ///< force along the normal [N]
         double asked = 0.0;  ///< less than the one of the file where the joints may not press so much [N]
         Eigen::Vector3d normal = Eigen::Vector3d::Zero();  ///< out of the surface, base frame
     };
