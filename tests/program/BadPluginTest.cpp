@@ -118,8 +118,9 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
-                                 "--no-report", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o =
+        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                   "--details", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
@@ -138,9 +139,9 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
-                   "duration_s=0.2", "--set", "cases.A.filter={plugin: leaks, after_ticks: 100}"});
+    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
+                                 "--no-report", "--details", "--set", "duration_s=0.2", "--set",
+                                 "cases.A.filter={plugin: leaks, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
                            "The program grew by 1", " MB in this case's ticks"});
@@ -155,8 +156,8 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
                                    "cases:\n  A: {filter: {plugin: leaks, after_ticks: 100}}\n"
                                    "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
     for (const char* jobs : {"1", "2"}) {
-        const Outcome o =
-            test::run({"run", file, "--out", folder / jobs, "--no-report", "--jobs", jobs, "--set", "duration_s=0.2"});
+        const Outcome o = test::run({"run", file, "--out", folder / jobs, "--no-report", "--details", "--jobs", jobs,
+                                     "--set", "duration_s=0.2"});
         EXPECT_EQ(o.code, 0) << o.err;
         expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)"});
         EXPECT_EQ(o.out.find("The program grew by") != std::string::npos, jobs == std::string("1")) << o.out;
@@ -183,7 +184,7 @@ TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     Folder folder;
     const Outcome o =
         test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                   "--isolate", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+                   "--isolate", "--details", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
 }
@@ -223,12 +224,12 @@ TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
             const std::string path = folder.path();
             const std::string file = folder.write("e.yaml", kFaultyExperiment);
             // What is relative is relative to where the user stands.
-            const Outcome o = test::run(
-                {"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name, "--no-report", how},
-                [path] {
-                    setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
-                    if (chdir(path.c_str()) != 0) _exit(98);
-                });
+            const Outcome o = test::run({"run", "e.yaml", "--out", "run", "--set", "cases.A.filter.plugin=" + name,
+                                         "--no-report", "--details", how},
+                                        [path] {
+                                            setenv("VIABLE_ROBOT_PATH", VIABLE_SOURCE_DIR "/robots", 1);
+                                            if (chdir(path.c_str()) != 0) _exit(98);
+                                        });
             EXPECT_EQ(o.code, 0) << o.err;
             EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
             expectContains(o.out, {"WARNING       the filter plugin '" + name + "' (",
@@ -267,7 +268,7 @@ TEST(Fault48, ACrashInADestructorNamesThePlugin) {
         o.err, {"the filter plugin 'crashes_when_destroyed' (", " crashed while it was destroyed: signal 6 (Aborted)"});
     EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
     Folder other;
-    o = runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate"});
+    o = runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate", "--details"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'crashes_when_destroyed' (",
                            "failed while it was destroyed: its process died: signal 6 (Aborted)"});
@@ -452,7 +453,7 @@ TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
 TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
     Folder folder;
     const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1",
-                                 "--set", "duration_s=5", "--no-report", "--set",
+                                 "--set", "duration_s=5", "--no-report", "--details", "--set",
                                  "cases.C1.filter=[acceleration_viability, certified_braking]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"C1: filter acceleration_viability + certified_braking",

@@ -219,7 +219,7 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     EXPECT_EQ(described.code, 0) << described.err;
     expectContains(described.out, {"my_arm: 2 joints, tool frame b", "-inf .. inf", "-12 .. 12"});
     const Outcome ran =
-        run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--set", "duration_s=5"});
+        run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--details", "--set", "duration_s=5"});
     EXPECT_EQ(ran.code, 0) << ran.err;
     expectContains(ran.out, {"First run of my_arm", "all limits kept"});
     // By name, from a folder that the environment names.
@@ -368,7 +368,7 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
                 continue;
             }
             const bool hasBall = file == std::string("obstacles.yaml");
-            std::vector<std::string> run{"run", folder / "my_arm" / file, "--out", folder / "out" / file};
+            std::vector<std::string> run{"run", folder / "my_arm" / file, "--out", folder / "out" / file, "--details"};
             if (!hasBall) run.insert(run.end(), {"--set", "duration_s=4"});  // else to the end: the hand meets the ball
             const Outcome ran = test::run(run);
             EXPECT_EQ(ran.code, 0) << ran.err;
@@ -424,14 +424,15 @@ TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
     expectContains(readFile(folder / "arm/README.md"), {"assumption: l1 0.724 kg"});
     const std::string all = "inertia (l2), mass (l1, l3, l4), acceleration_radps2";
     expectContains(describe(folder / "arm").out, {"Assumed, not given: " + all});
-    const Outcome ran = run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--set", "duration_s=3"});
+    const Outcome ran =
+        run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--details", "--set", "duration_s=3"});
     EXPECT_EQ(ran.code, 0) << ran.err;
     expectContains(ran.out, {"verdict       all limits kept", "figures of the robot that nobody gave: " + all,
                              "tool          its joints move it in 4 of 6 directions, 3 of 3 without turning"});
     // Of 1600 kg: held as well.
     std::ofstream(folder / "giant.urdf") << makePoorUrdf(8.0);
     ASSERT_EQ(makeNew(folder, {"robot", "giant", "--assume", "--urdf", folder / "giant.urdf"}).code, 0);
-    const Outcome giant = run({"run", folder / "giant/hand.yaml", "--out", folder / "out2"});
+    const Outcome giant = run({"run", folder / "giant/hand.yaml", "--out", folder / "out2", "--details"});
     EXPECT_EQ(giant.code, 0) << giant.err;
     EXPECT_EQ(giant.out.find("does not follow"), std::string::npos) << giant.out;
 }

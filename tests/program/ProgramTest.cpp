@@ -303,8 +303,8 @@ TEST(Fault13, CheckRefusesAStartWithoutAStopInsideTheLimits) {
 
 TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
-                           "missed_ticks=[{at_s: 0.5, count: 20}]"});
+    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
+                           "--details", "--set", "missed_ticks=[{at_s: 0.5, count: 20}]"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"missed ticks 20", "least margin"});
     expectContains(readFile(folder / "run/summary.json"),
@@ -328,8 +328,8 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
         const rlimit limit{60000, 60000};
         setrlimit(RLIMIT_FSIZE, &limit);
     };
-    const Outcome o =
-        run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A"}, limitFiles);
+    const Outcome o = run(
+        {"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--details"}, limitFiles);
     EXPECT_EQ(o.code, 5);
     expectContains(o.err, {"case A", "log could not be written"});
     expectContains(o.out, {"LOG LOST", "2.000 s simulated"});

@@ -182,7 +182,9 @@ std::vector<json> readConstants(const LogMetadata& metadata, std::size_t n) {
 /** Where the real arm's tool is; empty: there is no such arm, or its robot's folder is not there any more. */
 std::function<Pose(const JointVector&)> findTool(const LogReader& reader, const LogMetadata& metadata) {
     try {
-        if (reader.layout().hasRealPlant) return makeToolCalculator(loadRobot(metadata.robot));
+        if (!reader.layout().hasRealPlant) return nullptr;
+        const RobotDescription robot = loadRobot(metadata.robot);  // another one by now?
+        if (robot.jointNames() == reader.layout().jointNames) return makeToolCalculator(robot);
     } catch (const Error&) {
     }
     return nullptr;
