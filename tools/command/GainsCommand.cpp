@@ -58,24 +58,17 @@ void run(const GainsArguments& arguments) {
                     : robot.slides(i) ? "  Ns/m, kg"
                                       : "  Nms/rad, kg m^2");
     }
-    std::string bounds;
-    for (const bool slides : {false, true}) {
-        int i = 0;
-        while (i < robot.size() && robot.slides(i) != slides) ++i;
-        if (i < robot.size())
-            detail::addItem(bounds, detail::format("%.4g %s", loop.kr[i], slides ? "Ns/m" : "Nms/rad"));
-    }
     std::printf(
-        "K_r follows the inertia of the pose: (C^-1 + (%.4g/s M(q))^-1)^-1. Margins: %s (at least 6 dB and 35 "
+        "K_r follows the inertia of the pose: (1/600 + (%.4g/s M(q))^-1)^-1. Margins: %s (at least 6 dB and 35 "
         "degrees).\n"
-        "C is %s: what the largest rotor carries alone, behind a joint however flexible%s.\n"
+        "No product is larger than on the paper's Indy7: K_r 600 Nms/rad, K_r k_p 12000 Nm/rad, K_r k_i 4800 Nm/(rad "
+        "s).\n"
         "`robust_loop: {plugin: nric}` takes these gains by itself.\n"
         "inertia: the least with the other joints free, and the greatest of the joint alone, over all poses; rotors "
         "included.\n"
         "unstable from k_r: a loop with these, the same in all poses and for all joints at once, is at the edge of "
         "instability.\n",
-        loop.inertiaRate, formatMargins(margins).c_str(), bounds.c_str(),
-        robot.actuation.rotorInertia.minCoeff() > 0.0 ? "" : " (no figure: a quarter of the greatest inertia)");
+        loop.inertiaRate, formatMargins(margins).c_str());
     if (arguments.delayTicks == 0) {
         const LinearErrorLoop constant = detail::scaleConstantGains(robot, robot.limits, arguments.tick_s);
         const LoopMargins left = calcMargins(robot, robot.limits, arguments.tick_s, 0, constant);

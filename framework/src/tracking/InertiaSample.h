@@ -8,6 +8,13 @@
 
 namespace viable::detail {
 
+/** However heavy the arm: what the paper's gains come to on a real Indy7, K_r, K_r K_p and K_r K_i
+[Nms/rad, Nm/rad, Nm/(rad s)]. Real arms have flexible joints. */
+inline constexpr double kStiffest = 600.0, kStiffestPosition = 600.0 * 20.0, kStiffestIntegral = 600.0 * 8.0;
+
+/** And K_p however light the arm [1/s], as in experiments/panda_asymmetric_limits.yaml. */
+inline constexpr double kFastestPosition = 100.0;
+
 /** Poses in which the margins of a loop are looked for. */
 inline constexpr int kMarginPoses = 256;
 

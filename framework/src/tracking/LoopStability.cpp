@@ -120,65 +120,38 @@ private:
     const LinearErrorLoop& loop_;
 };
 
-/** K_p however light the arm [1/s], as in experiments/panda_asymmetric_limits.yaml. */
-constexpr double kFastestPosition = 100.0;
 /** K_p over the fastest velocity loop: the position loop stays well below it. */
 constexpr double kPositionShare = 0.1;
-/** And over the loop's own: critically damped. */
-constexpr double kDampedShare = 0.25;
 /** K_i over K_p^2: what is left of an error goes slower than the position loop. */
 constexpr double kIntegralOfPosition = 0.1;
-/** A rotor that nobody gave, as a share of the inertia that the joint moves: of a motor sized as usual, load to rotor 3 to 1. */
-constexpr double kRotorShare = 0.25;
 /** From try to try, until the margins are enough; kTries of them leave a tenth of a percent. */
 constexpr double kLess = 0.93;
 constexpr int kTries = 100;
 
-/** By joint: the largest figure of those that slide like it, or turn like it. */
-JointVector findLargestOfKind(const RobotDescription& robot, const JointVector& figures) {
-    JointVector largest = figures;
-    for (int i = 0; i < robot.size(); ++i)
-        for (int k = 0; k < robot.size(); ++k)
-            if (robot.slides(i) == robot.slides(k)) largest[i] = std::max(largest[i], figures[k]);
-    return largest;
-}
-
-/** What a loop of some inertia rate is bounded by, per joint. */
-struct Stiffest {
-    JointVector kr;                  ///< C, its bound in all poses [Nms/rad]
-    JointVector heavy;               ///< K_r at the joint's greatest inertia [Nms/rad]
-    JointVector kp;                  ///< [1/s]
-    JointVector position, integral;  ///< K_r K_p and K_r K_i of any joint of the kind [Nm/rad, Nm/(rad s)]
-
-    Stiffest(const RobotDescription& robot, const JointVector& greatest, double rate) {
-        JointVector rotors = robot.actuation.rotorInertia;
-        for (int i = 0; i < robot.size(); ++i)
-            if (!(rotors[i] > 0.0)) rotors[i] = kRotorShare * greatest[i];
-        kr = rate * findLargestOfKind(robot, rotors);
-        heavy = (kr.cwiseInverse() + (rate * greatest).cwiseInverse()).cwiseInverse();
-        kp = (kDampedShare * heavy.cwiseQuotient(greatest)).cwiseMin(std::min(kFastestPosition, kPositionShare * rate));
-        position = findLargestOfKind(robot, heavy.cwiseProduct(kp));
-        integral = findLargestOfKind(robot, kIntegralOfPosition * heavy.cwiseProduct(kp.cwiseAbs2()));
-    }
-};
-
 /** Gains that follow the inertia, as far as `given` has no numbers, by the rule of scaleGains().
 @param rate  of the velocity loop [1/s] */
-LinearErrorLoop followInertia(const LinearErrorLoop& given, const Stiffest& stiffest, double rate) {
+LinearErrorLoop followInertia(const LinearErrorLoop& given, const JointVector& greatest, double rate) {
     LinearErrorLoop loop = given;
-    loop.kr = stiffest.kr;
+    const Eigen::Index n = greatest.size();
+    loop.kr.setConstant(n, detail::kStiffest);
     loop.inertiaRate = rate;
-    if (given.kp.size() == 0) loop.kp = stiffest.kp;
-    if (given.ki.size() == 0)
-        loop.ki = (kIntegralOfPosition * loop.kp.cwiseAbs2()).cwiseMin(stiffest.integral.cwiseQuotient(stiffest.heavy));
+    for (JointVector* gains : {&loop.kp, &loop.ki})
+        if (gains->size() == 0) gains->setConstant(n, kNan);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const double most = detail::kStiffest / (1.0 + detail::kStiffest / (rate * greatest[i]));  // of K_r
+        if (given.kp.size() == 0)
+            loop.kp[i] = std::min({detail::kFastestPosition, detail::kStiffestPosition / most, kPositionShare * rate,
+                                   most / greatest[i]});
+        if (given.ki.size() == 0)
+            loop.ki[i] = std::min(kIntegralOfPosition * loop.kp[i] * loop.kp[i], detail::kStiffestIntegral / most);
+    }
     return loop;
 }
 
 /** K_p and K_i for a constant K_r, as far as `given` has no numbers, by the rule of scaleNric().
 @param rate   of the velocity loop at most [1/s]
 @param share  of K_p, and squared of K_i */
-LinearErrorLoop completeGains(const LinearErrorLoop& given, const Stiffest& stiffest, const JointVector& greatest,
-                              double rate, double share) {
+LinearErrorLoop completeGains(const LinearErrorLoop& given, const JointVector& greatest, double rate, double share) {
     constexpr double kLargestKi = 100.0;
     /** K_i in terms of K_p x the slowest velocity loop, from where on the loop would be unstable. */
     constexpr double kIntegralShare = 0.25;
@@ -189,9 +162,10 @@ LinearErrorLoop completeGains(const LinearErrorLoop& given, const Stiffest& stif
     for (Eigen::Index i = 0; i < n; ++i) {
         const double kr = loop.kr[i];
         if (given.kp.size() == 0)
-            loop.kp[i] = share * std::min({kFastestPosition, stiffest.position[i] / kr, kPositionShare * rate});
+            loop.kp[i] =
+                share * std::min({detail::kFastestPosition, detail::kStiffestPosition / kr, kPositionShare * rate});
         if (given.ki.size() == 0)
-            loop.ki[i] = std::min({share * share * kLargestKi, share * share * stiffest.integral[i] / kr,
+            loop.ki[i] = std::min({share * share * kLargestKi, share * share * detail::kStiffestIntegral / kr,
                                    kIntegralShare * loop.kp[i] * kr / greatest[i]});
     }
     return loop;
@@ -278,8 +252,8 @@ LinearErrorLoop scaleGains(const RobotDescription& robot, const JointLimits& lim
     const JointVector greatest = detail::findInertiaRange(samples).greatest;
     const double rate = calcLargestRate(tick_s, delayTicks);
     return lowerUntilEnough(samples, tick_s, delayTicks, [&](double share) {
-        if (given.kr.size() > 0) return completeGains(given, {robot, greatest, rate}, greatest, rate, share);
-        return followInertia(given, {robot, greatest, share * rate}, share * rate);
+        return given.kr.size() > 0 ? completeGains(given, greatest, rate, share)
+                                   : followInertia(given, greatest, share * rate);
     });
 }
 
@@ -292,11 +266,10 @@ LinearErrorLoop detail::scaleConstantGains(const RobotDescription& robot, const 
     if (samples.empty()) return fillWithZero({}, robot.size());
     const InertiaRange range = findInertiaRange(samples);
     const double rate = calcLargestRate(tick_s, delayTicks);
-    const Stiffest stiffest(robot, range.greatest, rate);
     const auto make = [&](double share) {
         LinearErrorLoop loop;
-        loop.kr = (share * rate / range.fastest * range.least).cwiseMin(stiffest.kr);
-        return completeGains(loop, stiffest, range.greatest, rate, share);
+        loop.kr = (share * rate / range.fastest * range.least).cwiseMin(kStiffest);
+        return completeGains(loop, range.greatest, rate, share);
     };
     const auto isEnough = [&](const LinearErrorLoop& loop, bool looksEverywhere) {
         return findSampleMargins(samples, tick_s, delayTicks, loop, looksEverywhere).isEnough();

@@ -196,68 +196,6 @@ TEST(LoopStability, ScaledGainsHaveEnoughMarginOnEveryArmAndTick) {
             }
 }
 
-// No gain knows how large an arm is: K_r goes with the inertia, in any unit of mass.
-TEST(LoopStability, GainsOfAHeavierArmOfTheSameKindAreAsMuchLarger) {
-    for (const char* name : {"panda", "ur5e", "indy7", "planar_two_link", "single_joint"})
-        for (const double factor : {1e-3, 1e3}) {
-            const RobotDescription robot = load(name);
-            RobotDescription other = robot;
-            other.actuation.rotorInertia *= factor;
-            for (JointDescription& joint : other.joints) {
-                joint.body.mass *= factor;
-                joint.body.inertia *= factor;
-            }
-            LinearErrorLoop given;
-            given.kr = 0.3 * findLargestGains(robot, robot.limits, 1e-3, 0);
-            for (const bool isGiven : {false, true}) {
-                const LinearErrorLoop loop =
-                    scaleGains(robot, robot.limits, 1e-3, 0, isGiven ? given : LinearErrorLoop());
-                if (isGiven) given.kr *= factor;
-                const LinearErrorLoop scaled =
-                    scaleGains(other, robot.limits, 1e-3, 0, isGiven ? given : LinearErrorLoop());
-                EXPECT_TRUE(scaled.kr.isApprox(factor * loop.kr, 1e-6)) << name << " " << factor;
-                EXPECT_TRUE(scaled.kp.isApprox(loop.kp, 1e-6)) << name << " " << factor;
-                EXPECT_TRUE(scaled.ki.isApprox(loop.ki, 1e-6)) << name << " " << factor;
-                EXPECT_EQ(scaled.inertiaRate, loop.inertiaRate);
-            }
-        }
-}
-
-// The encoder is on the motor, and a spring with 5 % of critical damping between it and the link, of any stiffness up to a
-// resonance of a sixth of the sampling rate. Exactly sampled. Softer joints also carry nearly twice the torque.
-TEST(LoopStability, ARotorBehindAFlexibleJointCarriesTheGains) {
-    const double h = 1e-3, link = 1.0, damping = 0.05;
-    for (const double rotor : {0.02, 0.3, 3.0}) {
-        RobotDescription robot = load("single_joint");
-        robot.actuation.rotorInertia[0] = rotor;
-        const LinearErrorLoop loop = scaleGains(robot, robot.limits, h);
-        const double Kr = detail::calcLoopGain(loop, detail::sampleInertia(robot, robot.limits, 1).front().M)(0, 0);
-        for (double angle = 0.01; angle < 1.1; angle *= 1.3)  // of the resonance, per tick
-            for (const double gain : {0.5, 1.0, 1.9}) {
-                if (gain > 1.0 && angle > 0.4) continue;
-                const double both = 1.0 / (1.0 / rotor + 1.0 / link), k = both * angle * angle / h / h,
-                             d = 2.0 * damping * both * angle / h;
-                Eigen::Matrix<double, 5, 5> A = Eigen::Matrix<double, 5, 5>::Zero();  // rotor, link, torque
-                A(0, 1) = A(2, 3) = 1.0;
-                A.row(1) << -k / rotor, -d / rotor, k / rotor, d / rotor, 1.0 / rotor;
-                A.row(3) << k / link, d / link, -k / link, -d / link, 0.0;
-                const Eigen::Matrix<double, 5, 5> step = (A * h).exp();
-                // The law on the readings now and before, and their sum.
-                Eigen::RowVectorXd law = Eigen::RowVectorXd::Zero(6);
-                law[0] = 1.0 / h + loop.kp[0] + loop.ki[0] * h;
-                law[4] = -1.0 / h;
-                law[5] = loop.ki[0];
-                law *= -gain * Kr;
-                Eigen::MatrixXd next = Eigen::MatrixXd::Zero(6, 6);
-                next.topLeftCorner(4, 4) = step.topLeftCorner(4, 4);
-                next.topRows(4) += step.topRightCorner(4, 1) * law;
-                next(4, 0) = next(5, 5) = 1.0;
-                next(5, 0) = h;
-                EXPECT_LT(next.eigenvalues().cwiseAbs().maxCoeff(), 1.0) << rotor << " " << angle << " " << gain;
-            }
-    }
-}
-
 TEST(LoopStability, GivenGainsAreKeptAndTheOthersFitThem) {
     const RobotDescription robot = load("panda");
     LinearErrorLoop given;

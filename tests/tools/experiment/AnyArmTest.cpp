@@ -75,7 +75,7 @@ TEST(Fault80, GainsThatTheArmCannotCarryAreRefusedWithTheLargestStableOnes) {
         {"unstable", "k_i of joint1 is 50, and with its k_r and k_p it just becomes unstable at about"});
 }
 
-// `auto` states a bound of K_r: not to be taken for a constant K_r.
+// `auto` stands on a bound of 600 for K_r: not to be taken for a constant 600.
 TEST(Fault80, TheTwoKindsOfGainsAreJudgedApart) {
     const std::vector<std::string> numbers = {"robust_loop={plugin: nric, k_p: 20, k_i: 8}"};
     const std::vector<std::string> constant = {"robust_loop={plugin: nric, k_r: 600, k_p: 20, k_i: 8}"};

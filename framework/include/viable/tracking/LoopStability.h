@@ -36,10 +36,9 @@ LoopMargins calcMargins(const RobotDescription& robot, const JointLimits& limits
 Method: K_r follows the inertia (LinearErrorLoop::inertiaRate), so that in every pose every velocity error decays alike.
 The rate is half of what makes the sampled loop unstable, c / (2 dt) with c = 2 tan(pi / (4 + 4 delay)). It is lowered
 until calcMargins() is enough. A payload makes the real arm heavier and the loop slower, which adds to that distance.
-Real arms have flexible joints, behind which a loop moves the rotor alone. So K_r stays below that rate times the
-largest rotor inertia, which that joint carries however soft it is (MATH 7). A joint without a rotor figure counts with a
-quarter of its greatest inertia, as motors are sized. Joints that slide and joints that turn are compared apart. K_p is
-a quarter of K_r over the greatest inertia, at most a tenth of that rate and 100 1/s. K_i is a tenth of K_p^2.
+K_p is a tenth of that rate, at most 100 1/s, and K_i a tenth of K_p^2. Real arms have flexible joints. So the loop is
+never stiffer than the paper's 600, 20 and 8 on the Indy7: K_r < 600 Nms/rad. At each joint's greatest inertia, K_r K_p
+<= 600 x 20 and K_r K_i <= 600 x 8.
 @param given  gains of size 0 are computed; the others, and the bounds, are kept. A given k_r is constant, and the
 others follow from it as in scaleNric(), lowered until the margins are enough
 @return       one gain per joint; finite. A gain that is not given is zero for an arm without a usable inertia matrix

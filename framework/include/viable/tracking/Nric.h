@@ -70,8 +70,8 @@ M(q)^-1 K_r dt passes 2. So K_r = s diag(d). Here d_i is the least inertia that 
 free, min over q of 1 / (M(q)^-1)_ii. The factor s makes the largest of those eigenvalues over all poses 1, half of what
 is stable. A payload adds inertia, so it adds to the distance. K_p = 100 1/s and K_i = 100 1/s^2
 (experiments/panda_asymmetric_limits.yaml). But K_p dt <= 0.1, and K_i <= K_p / 4 x the slowest velocity loop, min over
-q of K_r / M_ii(q). And K_r, K_r K_p and K_r K_i are never above the largest that scaleGains() gives to a joint of the
-kind. All of it is lowered, by a half at most, where the margins (calcMargins) are enough then. If the inertia
+q of K_r / M_ii(q). And never stiffer than the paper's 600, 20 and 8 on the Indy7: K_r <= 600, K_r K_p <= 600 x 20, K_r
+K_i <= 600 x 8. All of it is lowered, by a half at most, where the margins (calcMargins) are enough then. If the inertia
 of a joint differs much from pose to pose, such gains oscillate in the heavy ones. Then scaleGains() gives gains that
 follow the inertia.
 Assumes: inertias as described. The poses are a fixed sample of 1000, at corners and in between.
