@@ -226,6 +226,11 @@ public:
     /** @return the tick in which the log's arm begins to brake and this one's does not; -1: there is none */
     std::int64_t run(const Stop& stop, ReplayResult& result) {
         Rows rows(log_);
+        if (rows.reader().layout().hasTouch)
+            throw badInput(log_,
+                           "a run with contact_force_N cannot be decided again: the log has not what the torque "
+                           "sensors told",
+                           "`viable report` and `viable export` show it as it is.");
         auto configured = configureCase(plan_);
         LoopPlugins& plugins = configured->plugins;
         hasClock_ = plugins.realPlant && plugins.realPlant->traits().hasClock;

@@ -57,7 +57,7 @@ void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
     int worst = 0;
     for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
         if (!(s.trackingRms(i) <= s.trackingRms(worst))) worst = i;
-    if (s.trackingRms(worst) <= kFarRms) return;
+    if (s.trackingRms(worst) <= kFarRms || (s.waiting() && s.waiting()->ticks > 0)) return;
     found.push_back(format(
         "the real arm does not follow the nominal one: %s is %.3g mrad (sliding: mm) from it, RMS (%s)",
         s.jointNames()[static_cast<std::size_t>(worst)].c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));

@@ -315,7 +315,10 @@ void Summary::addContact(const TickRecord& record) {
 void Summary::addWaiting(const TickRecord& record) {
     Waiting& w = *waiting_;
     if (w.ticks++ == 0) w.first_s = record.time_s;
-    w.sum += record.touch.felt;
+    if (record.touch.felt > 0.5 * record.touch.asked) {
+        ++w.pressed;
+        w.sum += record.touch.felt;
+    }
     w.leastAsked = std::min(w.leastAsked, record.touch.asked);
 }
 

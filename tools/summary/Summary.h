@@ -264,7 +264,8 @@ public:
         std::int64_t ticks = 0;                    ///< that it waited
         double first_s = 0.0;                      ///< when first [s]
         double sum = 0.0, leastAsked = kInfinity;  ///< of the force along the normal; of what the joints may give [N]
-        double mean() const { return sum / static_cast<double>(ticks); }
+        std::int64_t pressed = 0;                  ///< ticks that it pressed with at least half of that
+        double mean() const { return pressed > 0 ? sum / static_cast<double>(pressed) : 0.0; }
     };
     const std::optional<Waiting>& waiting() const { return waiting_; }
     void watchTouch(double force) { waiting_.emplace().force = force; }

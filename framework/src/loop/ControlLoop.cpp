@@ -262,14 +262,26 @@ void ControlLoop::feelTouch() {
         return TickStatus::Ok;
     });
     const Dynamics& dynamics = nominalArm_.dynamics();
-    if (!torque || !isBounded(*torque, n_) || dynamics.J.cols() != n_ || loop_.isStopping()) return touch_->end();
+    const bool isUsable = torque && isBounded(*torque, n_);
+    missingExternalTorques_ = isUsable ? 0 : missingExternalTorques_ + 1;
+    if (missingExternalTorques_ > kMaxSubstitutedTicks)
+        loop_.beginStop(StopReason::SensorFailed,
+                        "the external torque that it reports has the wrong size, is not finite or beyond 1e9",
+                        kOnValues);
+    const bool isPlausible = std::all_of(isPlausible_.begin(), isPlausible_.begin() + n_, [](bool is) { return is; });
+    if (missingExternalTorques_ > kMaxSubstitutedTicks || !isPlausible || dynamics.J.cols() != n_) return touch_->end();
     JointVector room(n_);
     for (int i = 0; i < n_; ++i) room[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
-    touch_->update(plausible_, *torque, room);
-    if (touch_->hasLost() && !nominalArm_.waits()) touch_->end();
-    if (!touch_->isOn()) return;
+    touch_->update(plausible_, isUsable ? *torque : touch_->external(), room);
     const detail::ToolSurface surface = touch_->surface();
-    if (nominalArm_.waits() || surface.normal.dot(dynamics.tool.position) < surface.offset) nominalArm_.wait(surface);
+    if (touch_->isOn() && touch_->hasLost()) {
+        const bool isAway = surface.normal.dot(dynamics.tool.position) > surface.offset + 2.0 * touch_->kLead;
+        if (isAway && nominalArm_.waits()) nominalArm_.endWait();
+        if (!nominalArm_.waits()) touch_->end();
+    }
+    if (!touch_->isOn()) return;
+    const bool isBeneath = surface.normal.dot(dynamics.tool.position) < surface.offset;
+    if (!loop_.isStopping() && (nominalArm_.waits() || isBeneath)) nominalArm_.wait(surface);
     touch_->see(nominal(), dynamics, nominalArm_.wantedTool(), plausible_);
 }
 
@@ -538,7 +550,7 @@ bool ControlLoop::askRobustLoop() {
         const bool isTouching = touch_ && touch_->isOn();
         if (isTouching) {
             push_ = touch_->push();
-            authority_.add(push_, robustTorque_);
+            if (isBounded(push_, n_)) authority_.add(push_, robustTorque_);
         }
         if (isCut || isTouching) limitRates(lastRobust, lastMotorTorque_);
         return true;

@@ -10,17 +10,31 @@ namespace viable::detail {
 FreeArm::FreeArm(const RunSetup& setup) : limits_(setup.limits), tick_s_(setup.tick_s), model_(setup.robot) {
     CertifiedBrakingOptions options;
     options.recovery = true;
-    filter_.configure(setup, options, "`contact: yield`");
+    filter_.configure(setup, options, "`contact_force_N`");
     servo_.configure(setup.limits, setup.tick_s);
 }
 
-void FreeArm::wait(const ToolSurface& surface, const MotionState& nominal) {
+void FreeArm::wait(const ToolSurface& surface, const MotionState& nominal, const Dynamics& dynamics) {
     surface_ = surface;
     if (isOn_) return;
+    dynamics_ = dynamics;
     isOn_ = true;
     state_ = target_ = nominal;
     filter_.reset(nominal);
     servo_.reset(nominal);
+}
+
+void FreeArm::pause() {
+    state_.qd.setZero();
+    state_.qdd.setZero();
+    filter_.reset(state_);
+    servo_.reset(state_);
+}
+
+void FreeArm::changeLimits(const JointLimits& limits) {
+    limits_ = limits;
+    filter_.changeLimits(limits);
+    servo_.changeLimits(limits);
 }
 
 const Dynamics& FreeArm::updateDynamics() {
@@ -59,12 +73,12 @@ void FreeArm::lead(const MotionState& nominal, const Dynamics& dynamics, JointVe
         target_ = state_;
         servo_.calc(nominal, target_, jerk);
     }
-    advanceNominal(decision_, tick_s_, state_);
     isOn_ = beneath > 0.0 || (state_.q - nominal.q).cwiseAbs().maxCoeff() > kSame ||
             (state_.qd - nominal.qd).cwiseAbs().maxCoeff() > kSame;
+    advanceNominal(decision_, tick_s_, state_);
 }
 
-/** The motion along the normal and the other one, each with kShare of the limits. */
+/** The motion along the normal and the other one, each with its share of the limits. */
 void FreeArm::followSurface(const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk) {
     Vector6 out = Vector6::Zero();
     out.head<3>() = surface_.normal;

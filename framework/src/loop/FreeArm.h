@@ -7,7 +7,7 @@
 
 namespace viable::detail {
 
-/** The arm as its command would lead it if nothing held the real one (MATH 12). While something does, the controller moves
+/** The arm as its command would lead it if nothing held the real one (MATH 13). While something does, the controller moves
 this arm, within the limits of the joints, and the nominal arm follows it as far as the surface lets its tool. So the nominal
 arm does not run ahead of the real one, whatever the controller, and comes away as soon as the command does.
 
@@ -24,9 +24,13 @@ public:
     explicit FreeArm(const RunSetup& setup);
 
     bool isOn() const { return isOn_; }
-    /** @param surface  what holds the tool; each tick anew */
-    void wait(const ToolSurface& surface, const MotionState& nominal);
+    /** @param surface   what holds the tool; each tick anew
+    @param dynamics  of the nominal arm */
+    void wait(const ToolSurface& surface, const MotionState& nominal, const Dynamics& dynamics);
     void end() { isOn_ = false; }
+    /** For a tick without a controller: it rests where it is. */
+    void pause();
+    void changeLimits(const JointLimits& limits);
 
     const MotionState& state() const { return state_; }
     /** Of this tick. @return where the tool is */
@@ -38,7 +42,7 @@ public:
     void lead(const MotionState& nominal, const Dynamics& dynamics, JointVector& jerk);
 
 private:
-    /** Share of the limits for the motion along the normal, and for the other one. */
+    /** Share of the limits for the motion along the normal; the other one has the rest. */
     static constexpr double kShare = 0.8;
     /** How fast both follow where the free arm is held [1/s]. */
     static constexpr double kFollow = 10.0;

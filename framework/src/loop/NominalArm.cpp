@@ -132,6 +132,7 @@ void NominalArm::readLimits(double t) {
     }
     limits_ = *limits;
     hasNewLimits_ = true;
+    if (freeArm_) freeArm_->changeLimits(limits_);
     monitor_.changeLimits(limits_, state_);
 }
 
@@ -169,7 +170,7 @@ void NominalArm::tellSkippedTicks() {
 }
 
 void NominalArm::wait(const detail::ToolSurface& surface) {
-    freeArm_->wait(surface, state_);
+    freeArm_->wait(surface, state_, dynamics_);
 }
 
 bool NominalArm::waits() const {
@@ -178,6 +179,18 @@ bool NominalArm::waits() const {
 
 const Eigen::Vector3d& NominalArm::wantedTool() const {
     return waits() ? freeArm_->tool() : dynamics_.tool.position;
+}
+
+void NominalArm::endWait() {
+    freeArm_->end();
+}
+
+/** The free arm has no controller in this tick. */
+void NominalArm::rest() {
+    if (loop_.isStopping())
+        freeArm_->end();
+    else
+        freeArm_->pause();
 }
 
 /** The controller has moved the free arm; the torque that is asked for is that of following it. */
@@ -266,9 +279,9 @@ void NominalArm::decide(const JointVector& external, StageTimer& timer) {
     timer.mark(Stage::Command);
     model_.calcDynamics(state_.q, state_.qd, dynamics_);
     timer.mark(Stage::Dynamics);
-    if (freeArm_ && !asksPlugins()) freeArm_->end();
+    if (waits() && !asksPlugins()) rest();
     if (asksPlugins()) readTorque(skipped);
-    if (waits()) followFreeArm();
+    if (waits() && asksPlugins()) followFreeArm();
     timer.mark(Stage::Controller);
     if (asksPlugins() && askFilter(external)) {
         removedTorque_ = desiredTorque_ - motion_.torque;
@@ -289,7 +302,7 @@ void NominalArm::missTick(bool reachesMotors, StageTimer& timer) {
     hasNewLimits_ = false;
     stopBegun_ = reachesMotors && loop_.isStopping();
     model_.calcDynamics(state_.q, state_.qd, dynamics_);
-    if (freeArm_) freeArm_->end();
+    if (waits()) rest();
     timer.mark(Stage::Dynamics);
     followStop();
     ++skippedTicks_;

@@ -39,6 +39,7 @@ public:
     /** From now on it waits where the real tool is held, at `surface`; each tick anew, as long as waits() (see FreeArm). */
     void wait(const detail::ToolSurface& surface);
     bool waits() const;
+    void endWait();
     /** Where the command leads the tool to: the waiting arm is not there [m]. */
     const Eigen::Vector3d& wantedTool() const;
 
@@ -77,6 +78,7 @@ private:
     void readTorque(std::int64_t missed);
     void tellSkippedTicks();
     void followFreeArm();
+    void rest();
     /** False: there is no decision that may be applied. */
     bool askFilter(const JointVector& external);
     bool passMonitor();

@@ -62,7 +62,8 @@ void ToolTouch::reset() {
     external_.setZero(n);
     push_.setZero(n);
     lifted_.setZero(n);
-    share_ = 0.0;
+    since_s_ = air_s_ = measured_ = stiffness_ = integral_ = share_ = 0.0;
+    hasFree_ = false;
 }
 
 void ToolTouch::begin(const Eigen::Vector3d& force) {
@@ -76,9 +77,10 @@ void ToolTouch::begin(const Eigen::Vector3d& force) {
     deepest_ = stiffness_ = integral_ = share_ = air_s_ = since_s_ = 0.0;
 }
 
-double ToolTouch::calcAsked(const Eigen::Vector3d& direction, const JointVector& room) const {
+void ToolTouch::limitForce(const Eigen::Vector3d& direction, const JointVector& room) {
     const JointVector pull = dynamics_.J.topRows<3>().transpose() * direction;
-    return std::min(force_, kRoom * room.cwiseQuotient(pull.cwiseAbs().cwiseMax(kNoLever)).minCoeff());
+    most_ = room.cwiseQuotient(pull.cwiseAbs().cwiseMax(kNoLever)).minCoeff();
+    asked_ = std::min(force_, kRoom * most_);
 }
 
 void ToolTouch::update(const JointState& real, const JointVector& external, const JointVector& room) {
@@ -87,8 +89,9 @@ void ToolTouch::update(const JointState& real, const JointVector& external, cons
     model_->calcDynamics(real.q, real.qd, dynamics_);
     const Eigen::Vector3d at = dynamics_.tool.position, force = calcToolForce(dynamics_.J, external_);
     if (!isOn_) {
-        asked_ = calcAsked(force.normalized(), room);
-        if (!(force.norm() > 0.5 * asked_)) free_ = at;
+        limitForce(force.normalized(), room);
+        if (!hasFree_ || !(force.norm() > 0.5 * asked_)) free_ = at;
+        hasFree_ = true;
         const JointVector rest = external_ - dynamics_.J.topRows<3>().transpose() * force;
         if (force.norm() > asked_ && rest.norm() < kMoment * external_.norm()) begin(force);
         if (!isOn_) return;
@@ -96,7 +99,7 @@ void ToolTouch::update(const JointState& real, const JointVector& external, cons
     since_s_ += tick_s_;
     place_ += follow(tick_s_, kPlace_s) * (at - place_);
     measured_ = normal_.dot(force);
-    asked_ = calcAsked(normal_, room);
+    limitForce(normal_, room);
     air_s_ = measured_ > 0.5 * asked_ ? 0.0 : air_s_ + tick_s_;
     if (air_s_ > 0.0) {
         begin_ = at;
@@ -163,17 +166,20 @@ void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const 
     const double wanted = calcWanted();
     const double above = normal_.dot(at - dynamics.tool.position);
     const double share = std::clamp(above / kLead, 0.0, 1.0);
-    share_ = normal_.dot(wants - at) < 0.0 ? share : 0.0;
+    share_ = share * std::clamp(normal_.dot(at - wants) / kLead, 0.0, 1.0);
     liftNominal(nominal, dynamics, std::max(0.0, above), share);
     real.q -= lifted_;
     real.qd -= liftedRate_;
     // Against friction, no faster than the surface answers.
-    const double damping = gain_.size() > 0 ? 1.0 / pull.cwiseProduct(pull).cwiseQuotient(gain_).sum() : 0.0;
+    const double softness =
+        gain_.size() > 0 ? pull.cwiseProduct(pull).cwiseQuotient(gain_.cwiseMax(kNoLever)).sum() : 0.0;
+    const double damping = softness > 0.0 ? 1.0 / softness : 0.0;
     const double rate = std::min(1.0 / kFriction_s, damping > 0.0 ? stiffness_ / damping : kInfinity);
     if (air_s_ == 0.0)
         integral_ += share_ * rate * tick_s_ * std::max(-2.0 * asked_, asked_ - measured_);
     else
         integral_ -= follow(tick_s_, kContact_s) * integral_;
+    integral_ = std::clamp(integral_, -asked_, most_ - asked_);
     push_ = share_ * (damping * wanted - asked_ - integral_) * pull;
 }
 

@@ -20,7 +20,7 @@ Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaternion
 squares: the linear part goes before the angular one, where there are too few joints for both. @return [rad, m] */
 JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const JointVector& wish);
 
-/** The contact of the real arm's tool with what stands in its way, by its torque sensors (MATH 12).
+/** The contact of the real arm's tool with what stands in its way, by its torque sensors (MATH 13).
 
 It begins when the sensors show more than `force` at the tool, and ends where the host says so. Its normal is the force
 without the part along the tool's way: Coulomb's friction acts along that. While the tool does not move the normal stays.
@@ -67,6 +67,8 @@ public:
     /** Changes `real` to what the robust loop is to see.
     @param wants  the place that the command leads the tool to [m] */
     void see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants, JointState& real);
+    /** What was given last [Nm]. */
+    const JointVector& external() const { return external_; }
     void fill(TickRecord::Touch& record) const;
     /** The torques that press [Nm]. */
     const JointVector& push() const { return push_; }
@@ -76,18 +78,18 @@ public:
 private:
     void begin(const Eigen::Vector3d& force);
     void turnNormal(const Eigen::Vector3d& force);
-    double calcAsked(const Eigen::Vector3d& direction, const JointVector& room) const;
+    void limitForce(const Eigen::Vector3d& direction, const JointVector& room);
     double calcWanted();
     void liftNominal(const MotionState& nominal, const Dynamics& dynamics, double above, double share);
     void learnStiffness(double force);
 
-    double force_ = 0.0, asked_ = 0.0, tick_s_ = 0.0;
+    double force_ = 0.0, asked_ = 0.0, most_ = 0.0, tick_s_ = 0.0;  // [N]; most_: with the push against friction
     JointFriction friction_;
     JointVector gain_;  // of the law [Nms/rad]; of size 0: not known
     std::shared_ptr<RobotModel> model_;
     Dynamics dynamics_, ofLifted_;  // of the real arm; of the nominal one that is lifted
     JointVector external_, push_, lifted_, liftedRate_;
-    bool isOn_ = false;
+    bool isOn_ = false, hasFree_ = false;
     Eigen::Vector3d normal_ = Eigen::Vector3d::UnitZ();
     Eigen::Vector3d place_ = Eigen::Vector3d::Zero();        // of the tool, smoothed
     Eigen::Vector3d begin_ = Eigen::Vector3d::Zero();        // of the present way

@@ -27,10 +27,11 @@ std::string proposeChains(const std::string& file, const UrdfTree& tree) {
     if (chains.size() > kMostChains) text += ", ...";
     const auto write = [&](const UrdfChain& chain, const std::string& name) {
         const std::vector<int> joints = tree.listJoints(chain);
-        std::string command = "`viable new robot " + name + " --urdf " + file + " --tip " +
-                              tree.links[static_cast<std::size_t>(tree.findEnd(chain))].name;
+        std::string command = "`viable new robot " + name + " --urdf " + quoteForShell(file) + " --tip " +
+                              quoteForShell(tree.links[static_cast<std::size_t>(tree.findEnd(chain))].name);
         if (joints.size() > kMaxJoints)
-            command += " --base " + tree.joints[static_cast<std::size_t>(joints[joints.size() - kMaxJoints])].parent;
+            command += " --base " +
+                       quoteForShell(tree.joints[static_cast<std::size_t>(joints[joints.size() - kMaxJoints])].parent);
         return command + "`";
     };
     const bool hasTwo = chains.size() > 1 && chains[0].count == chains[1].count && chains[0].length == chains[1].length;

@@ -51,6 +51,9 @@ std::size_t findTagEnd(const std::string& text, std::size_t begin, int& attribut
     return std::string::npos;
 }
 
+/** Most joints and links of a file, whatever they are. */
+constexpr int kMostParts = 10000;
+
 /** Bytes of the UTF-8 character at `i`; 0: none begins there. */
 std::size_t getUtf8Length(const std::string& text, std::size_t i) {
     const auto lead = static_cast<unsigned char>(text[i]);
@@ -79,7 +82,7 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
     };
     if (const std::size_t at = text.find("<!ENTITY"); at != std::string::npos)
         throw refuse(at, "it declares an entity, which may grow without end");
-    int depth = 0, moving = 0;
+    int depth = 0, moving = 0, parts = 0;
     std::vector<std::size_t> columns;
     std::size_t line = 0, counted = 0;  // where the line begins; how far lines are counted
     for (std::size_t i = 0; i < text.size();) {
@@ -122,10 +125,15 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
             if (text[counted] == '\n') line = counted + 1;
         if (!isEnd) columns.push_back(i - line + 1);
         const std::string_view tag(text.data() + i, end - i);
-        if (tag.substr(0, 6) == "<joint" && tag.size() > 6 && std::isspace(static_cast<unsigned char>(tag[6])))
-            moving += tag.find("type") != tag.npos && tag.find("fixed") == tag.npos ? 1 : 0;
-        if (moving > kMaxUrdfMoving)
-            throw badInput(file, "the robot has more than " + std::to_string(kMaxUrdfMoving) + " joints that move",
+        const std::string_view name = tag.substr(1, tag.find_first_of(" \t\r\n\v\f/", 1) - 1);
+        if (name == "joint" && tag.find("type") != tag.npos)
+            moving += tag.find("\"fixed\"") == tag.npos && tag.find("'fixed'") == tag.npos ? 1 : 0;
+        parts += name == "joint" || name == "link" ? 1 : 0;
+        if (moving > kMaxUrdfMoving || parts > kMostParts)
+            throw badInput(file,
+                           "the robot has more than " + (moving > kMaxUrdfMoving
+                                                             ? std::to_string(kMaxUrdfMoving) + " joints that move"
+                                                             : std::to_string(kMostParts) + " joints and links"),
                            "Take the arm out of the file; no robot has so many.");
         if (!isEnd && text[end - 1] != '/') ++depth;
         if (depth > kMaxUrdfDepth)
