@@ -126,7 +126,8 @@ void addNewCommand(CLI::App& app, int& exitCode) {
                      "Robots: JOINT=VALUE [rad, m], where a joint is that another option freezes")
         ->allow_extra_args(false);
     command->add_flag("--assume", arguments->assumes,
-                      "Robots: assume what a URDF does not hold or holds wrongly, and say so, for a first run at once");
+                      "Robots: assume what a URDF does not hold or holds wrongly, and say so, for a first run at once. "
+                      "Only for files that you trust: xacro, which expands them, evaluates their expressions");
     command->add_option("--out", arguments->out,
                         "Folder for the new folder; created where it is missing "
                         "(default: the current one)");

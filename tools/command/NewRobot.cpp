@@ -280,9 +280,9 @@ void printBlankFiles(const fs::path& target, const FolderFiles& files) {
 
 void printAssumptions(const RobotDraft& draft) {
     if (draft.assumptions.empty()) return;
-    std::printf("Assumed, because the URDF does not say it; every run of the robot repeats it:\n");
+    std::printf("Assumed, because the URDF does not say it; every run of the robot counts it, with --details names it:\n");
     for (const DraftAssumption& assumption : draft.assumptions)
-        std::printf("  %s: %s\n", assumption.figure.c_str(), formatName(assumption.rule).c_str());
+        std::printf("  %s: %s\n", makePrintable(assumption.figure).c_str(), makePrintable(assumption.rule).c_str());
 }
 
 void printHomeContacts(const std::vector<DraftContact>& contacts) {
@@ -331,8 +331,10 @@ void writeRobot(const NewRobotArguments& arguments) {
     files[arguments.name + ".urdf"] = makeUrdf(draft);
     writeNewFolder(target, files);
 
-    for (const std::string& repair : draft.repairs) std::fprintf(stderr, "viable: repaired: %s\n", repair.c_str());
-    for (const std::string& warning : draft.warnings) std::fprintf(stderr, "viable: warning: %s\n", warning.c_str());
+    for (const std::string& repair : draft.repairs)
+        std::fprintf(stderr, "viable: repaired: %s\n", makePrintable(repair).c_str());
+    for (const std::string& warning : draft.warnings)
+        std::fprintf(stderr, "viable: warning: %s\n", makePrintable(warning).c_str());
     std::printf("viable: wrote %s:", target.c_str());
     for (const auto& file : files) std::printf(" %s", file.first.c_str());
     std::printf("\n");

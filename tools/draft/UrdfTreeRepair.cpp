@@ -71,19 +71,27 @@ private:
 
     /** Of two that are the same one goes; joints of one name get a second one. */
     void separate(const std::string& tag) {
-        std::map<std::string, XmlElement*> first;
+        struct First {
+            XmlElement* element;
+            std::string printed;  // once it is compared
+            int next;             // number for the name of another one
+        };
+        std::map<std::string, First> first;
         std::set<std::string> names;
         for (XmlElement* element : document_.list(tag.c_str())) names.insert(getAttribute(element, "name"));
         for (XmlElement* element : document_.list(tag.c_str())) {
             const std::string name = getAttribute(element, "name");
-            const auto [other, isNew] = first.emplace(name, element);
+            const auto [other, isNew] = first.emplace(name, First{element, "", 2});
             if (isNew || name.empty()) continue;
-            if (printElement(*element) == printElement(*other->second)) {
+            auto& [one, printed, next] = other->second;
+            if (printed.empty()) printed = printElement(*one);
+            if (printElement(*element) == printed) {
                 note(*element, "the second " + tag + " " + quoteName(name) + " is left out: both are the same");
                 element->Parent()->DeleteChild(element);
             } else if (tag == "joint") {
-                std::string free = name + "_2";
-                for (int k = 3; !names.insert(free).second; ++k) free = name + "_" + std::to_string(k);
+                std::string free;
+                do free = name + "_" + std::to_string(next++);
+                while (!names.insert(free).second);
                 element->SetAttribute("name", free.c_str());
                 note(*element, "the second joint " + quoteName(name) + " is called " + quoteName(free));
             }

@@ -27,6 +27,7 @@ using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 [[noreturn]] void become(const std::string& path, std::FILE* out, std::FILE* err) {
     const std::pair<int, rlim_t> limits[] = {
         {RLIMIT_AS, kMostMemory_B}, {RLIMIT_CPU, static_cast<rlim_t>(kTimeLimit_s)}, {RLIMIT_FSIZE, kMaxUrdfBytes + 1}};
+    setpgid(0, 0);  // its own group, with all that it starts
     for (const auto& [what, most] : limits) {
         const rlimit limit{most, most};
         setrlimit(what, &limit);
@@ -60,7 +61,10 @@ std::string expandXacro(const std::filesystem::path& file, const std::string& wh
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(kTimeLimit_s);
     int status = 0;
     while (waitpid(child, &status, WNOHANG) == 0) {
-        if (std::chrono::steady_clock::now() > end) throw refuse(endOverdue(child, kTimeLimit_s));
+        if (std::chrono::steady_clock::now() > end) {
+            kill(-child, SIGKILL);
+            throw refuse(endOverdue(child, kTimeLimit_s));
+        }
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     const std::string text = readAll(out.get());

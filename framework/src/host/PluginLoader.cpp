@@ -688,7 +688,7 @@ fs::path findPythonLibrary(const std::string& where, const std::vector<fs::path>
         std::string("a plugin in Python needs ") + kPythonLibrary + ", which is not there. Tried: " + join(tried, ", "),
         "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
         "is built, python3-dev and pybind11-dev, and build the target viable_python. Of a wheel: Python needs its "
-        "shared library (apt-get install libpython3.N); who sets VIABLE_PYTHON names that in VIABLE_LIBPYTHON");
+        "shared library (apt-get install libpython3.N); where VIABLE_PYTHON is set, name it in VIABLE_LIBPYTHON");
 }
 
 PluginInfo findPython(PluginKind kind, const std::string& request, const std::string& where, const fs::path& folder,

@@ -342,16 +342,17 @@ TEST_F(PoorUrdf, Fault01_HugeOrHostileFilesAreJudgedInTime) {
     std::ofstream(folder_.path() / "many.urdf") << many << "/></robot>";
     expectContains(check("many.urdf"), {"an element has more than 100 attributes"});
     std::string chain = "<robot name='x'><link name='l0'/>", unknown = chain;
-    for (int i = 1; i < 20000; ++i) {
+    for (int i = 1; i < 5000; ++i) {
         const std::string n = std::to_string(i), before = std::to_string(i - 1);
         chain += "<joint name='j" + n + "' type='fixed'><parent link='l" + before + "'/><child link='l" + n +
                  "'/></joint><link name='l" + n + "'/>";
-        if (i < 8000)
-            unknown += "<joint name='j" + n + "' type='fixed'><parent link='l0'/><child link='lonk" + n +
-                       "'/></joint><link name='l" + n + "'/>";
+        unknown += "<joint name='j" + n + "' type='fixed'><parent link='l0'/><child link='lonk" + n +
+                   "'/></joint><link name='l" + n + "'/>";
     }
     std::ofstream(folder_.path() / "chain.urdf") << chain << "</robot>";
     std::ofstream(folder_.path() / "unknown.urdf") << unknown << "</robot>";
+    std::ofstream(folder_.path() / "crowd.urdf") << chain << "<joint name='j1'/><joint/></robot>";
+    expectContains(check("crowd.urdf"), {"more than 10000 joints and links"});
     const auto begin = std::chrono::steady_clock::now();
     expectContains(check("chain.urdf"), {"the robot has no moving joint"});
     expectContains(check("unknown.urdf"), {"things are wrong", "... and "});

@@ -25,7 +25,7 @@ def find_licences(libraries):
     packages, lines = {}, []
     for library in sorted(libraries):
         soname = re.sub(r"-[0-9a-f]{8}(?=\.so)", "", library)
-        if not soname.startswith("libcurl"):  # NoCurl.c
+        if not soname.startswith("libcurl"):  # the empty one of CMakeLists.txt
             packages.setdefault(ask("dpkg-query", "--search", f"*/{soname}").split(":")[0], []).append(library)
     for name in ask("dpkg-query", "--show", "--showformat", "${Package}\\n", *COMPILED_IN).split():
         if Path("/usr/share/doc", name, "copyright").exists():
@@ -66,7 +66,9 @@ def main(build, modules, out, *pythons):
         for name, text in find_licences(bundled).items():
             files[f"{info}/licenses/{name}"] = (text.encode(), 0o644)
         wheel = Path(out, repaired.name)
-        backend.write_archive(wheel, files)
+        part = wheel.with_suffix(".part")
+        backend.write_archive(part, files)
+        part.replace(wheel)
     print(f"wheel: {wheel} ({wheel.stat().st_size / 1e6:.1f} MB, {len(bundled)} libraries bundled)")
 
 

@@ -197,6 +197,7 @@ class ReachEnv(gymnasium.Env):
 
 
 _stepping: dict[int, GuardedActions] = {}  # the arms whose simulators step now, by the id of their MjData
+_before: Any = None  # whose control callback stands when none of them steps
 _lock = threading.Lock()
 
 
@@ -220,7 +221,7 @@ class GuardedActions(gymnasium.Wrapper):
     infos["guard"]: `reference`, what the servos are told, `q` and `qd`, the arm in the simulator, after the step [rad, rad/s];
     `position_excess` and `velocity_excess`, by how much it passed a limit there at worst (below 0: inside). That is what soft servos,
     weight and contacts add: narrower limits leave room for it. `guard` is the ReferenceGuard. reset() puts it where the arm is, at
-    rest, and only what step() simulates is guarded: it takes MuJoCo's control callback meanwhile.
+    rest, and only what step() simulates is guarded: it takes MuJoCo's control callback meanwhile, and sets yours back.
     """
 
     def __init__(self, env: gymnasium.Env, robot: Robot | str, mapping: Mapping[str, str], *, limits: Limits | None = None) -> None:
@@ -245,7 +246,7 @@ class GuardedActions(gymnasium.Wrapper):
             servos.append(moving[0])
         self._servos, self._gears = np.array(servos), model.actuator_gear[servos, 0]
         force = np.abs(model.actuator_forcerange[servos]).max(axis=1) / model.actuator_gainprm[servos, 0]
-        self._stretch = np.where(model.actuator_forcelimited[servos] != 0, force / self._gears, np.inf)
+        self._stretch = np.where(model.actuator_forcelimited[servos] != 0, force / np.abs(self._gears), np.inf)
         self._positions, self._speeds = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
         if limits is None:
             (lower, upper), end = self.robot.limits.position, np.where(model.jnt_limited[joints] != 0, 0.0, np.inf)
@@ -255,12 +256,14 @@ class GuardedActions(gymnasium.Wrapper):
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         observation, infos = super().reset(**options)
+        self._check_data()
         self.guard.start(self._data.qpos[self._positions])
         self._asked = self._told = self._data.ctrl[self._servos]
         self._time = -np.inf
         return observation, infos
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        self._check_data()
         self._worst = np.full(2, -np.inf)
         self._is_new = True  # what stands in the controls at the first call was asked for
         self._change(True)
@@ -275,21 +278,29 @@ class GuardedActions(gymnasium.Wrapper):
                  "position_excess": self._worst[0], "velocity_excess": self._worst[1]}
         return observation, reward, terminated, truncated, {**infos, "guard": guard}
 
+    def _check_data(self) -> None:
+        if self.env.unwrapped.data is not self._data:
+            raise InputError("GuardedActions: env", "its `data` is another one by now: it has built its simulation anew",
+                             "Make a GuardedActions for that.")
+
     def _change(self, is_stepping: bool) -> None:
         import mujoco
 
+        global _before
         with _lock:
+            if not _stepping:
+                _before = mujoco.get_mjcb_control()
             _stepping.pop(id(self._data), None)
             if is_stepping:
                 _stepping[id(self._data)] = self
-            mujoco.set_mjcb_control(_control if _stepping else None)
+            mujoco.set_mjcb_control(_control if _stepping else _before)
 
     def _control(self) -> None:
         """MuJoCo asks for the controls: once a step, or again at the same time."""
         controls = self._data.ctrl
         if self._is_new or (controls[self._servos] != self._told).any():
             self._asked, self._is_new = controls[self._servos], False
-        if self._data.time > self._time:
+        if self._data.time != self._time:  # an environment may set it back
             self._time = self._data.time
             q = self._read()
             # Beyond these a servo pulls no harder: the reference of an arm that is held does not run away from it.
