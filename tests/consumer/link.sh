@@ -45,7 +45,7 @@ address=shm:viable-example-$$
 ./link_robot "$address" 1 60 >robot.txt &
 robot=$!
 "$build/bin/viable" run "$example/experiment.yaml" --set "real_plant.address=$address" --set real_plant.repeat_ticks=100 \
-  --set real_plant.silence_timeout_s=2 --set duration_s=1 --out run --no-report | tee run.txt
+  --set real_plant.silence_timeout_s=2 --set duration_s=1 --out run --no-report --details | tee run.txt
 grep -q 'verdict *all limits kept (nominal arm' run.txt
 kill -INT "$robot"
 wait "$robot"
@@ -62,7 +62,7 @@ for skeleton in callback fieldbus; do
     "./$program" "$address" 4 >"$program.txt" &
     robot=$!
     "$build/bin/viable" run "$example/experiment.yaml" --set "real_plant.address=$address" --set real_plant.repeat_ticks=100 \
-      --set real_plant.silence_timeout_s=2 --set duration_s=0.5 --set 'start={position_rad: 0.7}' --out "run_$program" --no-report >"run_$program.txt"
+      --set real_plant.silence_timeout_s=2 --set duration_s=0.5 --set 'start={position_rad: 0.7}' --out "run_$program" --no-report --details >"run_$program.txt"
     grep -q 'verdict *all limits kept (nominal arm' "run_$program.txt"
     wait "$robot"
     cat "$program.txt"

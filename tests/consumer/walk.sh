@@ -56,7 +56,7 @@ for kind in "${kinds[@]}"; do
   test -s "out_$kind/report.html"
   if [ "$kind" = filter ]; then  # what is new works together
     VIABLE_PLUGIN_PATH="$PWD/my_filter/build/bin/plugins" part "the new filter on the new robot" \
-      viable run my_arm/first_run.yaml --set 'cases.free.filter={plugin: my_filter}' --out out_both
+      viable run my_arm/first_run.yaml --details --set 'cases.free.filter={plugin: my_filter}' --out out_both
     grep -q "^free: filter my_filter" "$work/log"
   fi
 done

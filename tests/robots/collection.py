@@ -63,7 +63,7 @@ def take(viable, urdf, name, out, seconds):
     if not hand.exists():
         row["hand"] = "no hand (fewer than three directions)"
         return row
-    code, text, fault = call([viable, "run", str(hand), "--set", f"duration_s={seconds}", "--out", str(out / (name + "_run"))], 300)
+    code, text, fault = call([viable, "run", str(hand), "--details", "--set", f"duration_s={seconds}", "--out", str(out / (name + "_run"))], 300)
     row["verdict"] = "".join(re.findall(r"^  verdict +(.*)", text, re.M))
     rms = re.search(r"real-nominal .*\[mrad\] +(.*)", text)
     if rms:

@@ -138,8 +138,9 @@ int run(const BoundArguments& arguments) {
     bool any = false;
     for (const CasePlan& plan : experiment.cases) {
         if (!plan.disturbances) continue;
-        WorkShare::tell("bounding", static_cast<double>(&plan - experiment.cases.data()) /
-                                        static_cast<double>(experiment.cases.size()));
+        if (arguments.json)  // among the lines of others there is no place for a bar
+            WorkShare::tell("bounding", static_cast<double>(&plan - experiment.cases.data()) /
+                                            static_cast<double>(experiment.cases.size()));
         const auto configured = configureTracking(plan);
         if (!configured->bound) continue;
         any = true;
@@ -153,6 +154,7 @@ int run(const BoundArguments& arguments) {
             if (!refusal) refusal = std::current_exception();
         }
     }
+    if (arguments.json) WorkShare::tell("bounding", 1.0);
     if (!any)
         throw badInput(arguments.file,
                        "no case has a tracking bound: it needs a disturbance_set and the robust loop nric",

@@ -52,12 +52,8 @@ int checkOne(const Experiment& experiment, bool tells) {
     int warnings = 0;
     CaseForecast last;
     detail::ErrorList errors;
-    const auto share = [&](const CasePlan& plan) {
-        return static_cast<double>(&plan - experiment.cases.data()) / static_cast<double>(experiment.cases.size());
-    };
     for (const CasePlan& plan : experiment.cases) {
         if (errors.isFull()) break;
-        if (tells) WorkShare::tell("checking", share(plan));
         errors.collect([&] {
             const auto configured = configureCase(plan);
             if (tells) warnings += tell(*configured, last);
@@ -71,6 +67,11 @@ int checkOne(const Experiment& experiment, bool tells) {
 int checkDraws(const CheckArguments& arguments, const ConfigNode& root, const std::vector<DrawnKey>& draws,
                const PluginLoader& loader) {
     int warnings = 0;
+    std::size_t ends = 0, all = kTriedRuns;
+    for (const DrawnKey& draw : draws) all += draw.ends.size();
+    const auto tellShare = [&](std::size_t done) {
+        WorkShare::tell("trying draws", static_cast<double>(done) / static_cast<double>(all));
+    };
     const auto check = [&](std::int64_t run, const std::map<std::string, std::string>& held, const std::string& what) {
         ConfigNode drawn = root;
         resolveDraws(drawn, {1, run}, held);
@@ -79,13 +80,9 @@ int checkDraws(const CheckArguments& arguments, const ConfigNode& root, const st
                 readExperiment(drawn, arguments.file, arguments.overrides, loader, makeRobotSearchPath(arguments.file)),
                 run == 0 && held.empty());
         } catch (const Error& e) {
+            tellShare(all);
             throw Error(e.kind(), what, e.what());
         }
-    };
-    std::size_t ends = 0, all = kTriedRuns;
-    for (const DrawnKey& draw : draws) all += draw.ends.size();
-    const auto tellShare = [&](std::size_t done) {
-        WorkShare::tell("trying draws", static_cast<double>(done) / static_cast<double>(all));
     };
     for (int run = 0; run < kTriedRuns; ++run) {
         tellShare(static_cast<std::size_t>(run));
@@ -97,6 +94,7 @@ int checkDraws(const CheckArguments& arguments, const ConfigNode& root, const st
             check(0, {{draw.keyPath, end}}, "--draw 1:0 --set " + draw.keyPath + "=" + end);
             ++ends;
         }
+    tellShare(all);
     std::printf("%zu values drawn; %d runs and %zu ends of their ranges tried\n", draws.size(), kTriedRuns, ends);
     return warnings;
 }

@@ -8,15 +8,29 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "core/Characters.h"
+
 namespace viable {
 
 namespace {
-constexpr int kBarWidth = 40;
+constexpr int kBarWidth = 30;  // a line has at most 80 columns
+constexpr std::size_t kLongestName = 20;
 constexpr std::chrono::seconds kPlainInterval{5};
 constexpr std::chrono::milliseconds kJsonInterval{100}, kDrawInterval{50};
 /** What ends before shows nothing. */
 constexpr std::chrono::seconds kSilent{2};
+
+/** On what moves its cursor. */
+bool isTerminal(int descriptor) {
+    const char* const terminal = std::getenv("TERM");
+    return isatty(descriptor) == 1 && !(terminal && std::strcmp(terminal, "dumb") == 0);
+}
 }  // namespace
+
+bool hasColor(int descriptor) {
+    const char* const refusal = std::getenv("NO_COLOR");
+    return isTerminal(descriptor) && !(refusal && *refusal);
+}
 
 bool areMessagesJson() {
     const char* const form = std::getenv("VIABLE_MESSAGES");
@@ -27,8 +41,8 @@ Progress::Progress(std::vector<std::string> names)
     : names_(std::move(names)),
       shares_(names_.size()),
       json_(areMessagesJson()),
-      terminal_(isatty(STDERR_FILENO) == 1),
-      color_(terminal_ && !std::getenv("NO_COLOR")),
+      terminal_(isTerminal(STDERR_FILENO)),
+      color_(hasColor(STDERR_FILENO)),
       begin_(std::chrono::steady_clock::now()),
       lastDrawn_(begin_) {
     for (auto& share : shares_) share = 0.0;
@@ -64,19 +78,23 @@ void Progress::draw(bool last) {
         std::fprintf(stderr, "%s\n", line.c_str());
         return;
     }
-    if (!last && now - lastDrawn_ < kDrawInterval) return;
+    const bool isOver = !last && std::all_of(shares_.begin(), shares_.end(), [](const auto& s) { return s >= 1.0; });
+    if (isOver ? !drawn_ : !last && now - lastDrawn_ < kDrawInterval) return;
     lastDrawn_ = now;
     if (drawn_) std::fprintf(stderr, "\033[%zuA", names_.size());
-    drawn_ = true;
+    if (isOver) std::fprintf(stderr, "\r\033[J");
+    drawn_ = !isOver;
     std::size_t width = 0;
-    for (const std::string& name : names_) width = std::max(width, name.size());
-    for (std::size_t i = 0; i < names_.size(); ++i) {
+    for (const std::string& name : names_) width = std::max(width, detail::countCharacters(name));
+    width = std::min(width, kLongestName);
+    for (std::size_t i = 0; i < names_.size() && !isOver; ++i) {
         const double share = shares_[i];
+        const std::string name = detail::shorten(names_[i], kLongestName);
         const int filled = static_cast<int>(share * kBarWidth);
         const std::string bar(static_cast<std::size_t>(filled), '=');
-        std::fprintf(stderr, "\r\033[K%-*s [%s%-*s%s] %3d %% %s\n", static_cast<int>(width), names_[i].c_str(),
-                     color_ ? "\033[32m" : "", kBarWidth, bar.c_str(), color_ ? "\033[0m" : "",
-                     static_cast<int>(100.0 * share), tellLeft(share).c_str());
+        std::fprintf(stderr, "\r\033[K%s%*s [%s%-*s%s] %3d %% %s\n", name.c_str(),
+                     static_cast<int>(width - detail::countCharacters(name)), "", color_ ? "\033[32m" : "", kBarWidth,
+                     bar.c_str(), color_ ? "\033[0m" : "", static_cast<int>(100.0 * share), tellLeft(share).c_str());
     }
     std::fflush(stderr);
 }

@@ -11,9 +11,12 @@ namespace viable {
 JSON on its standard error output. */
 bool areMessagesJson();
 
-/** Shows how far several cases are: one bar per line on a terminal, redrawn in place; otherwise a
-plain line every few seconds, for programs one of JSON ten times a second. Honours NO_COLOR. One drawing thread; the shares are set from any
-thread. */
+/** Whether what is written there may be in colour: to a terminal that is not `dumb`, without a NO_COLOR that says something. */
+bool hasColor(int descriptor);
+
+/** Shows how far several cases are: one bar per line on a terminal, redrawn in place, and gone when all are at 1, but for
+the last draw; otherwise a plain line every few seconds, for programs one of JSON ten times a second. One drawing thread;
+the shares are set from any thread. */
 class Progress {
 public:
     explicit Progress(std::vector<std::string> names);

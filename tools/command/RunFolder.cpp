@@ -46,25 +46,27 @@ void ignoreWriteSignals() {
 
 FolderClaim::FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
     lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    const auto letGo = [&](const Error& error) {  // the destructor of what was not made is not called
         ::close(lock_);
-        throw badInput("--out " + folder.string(), "another run or sweep writes into this folder",
-                       "Name another folder.");
-    }
+        return error;
+    };
+    if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+        throw letGo(badInput("--out " + folder.string(), "another run or sweep writes into this folder",
+                             "Name another folder."));
     const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor < 0 && errno == EEXIST)
-        throw badInput("--out " + folder.string(),
-                       std::string("another run has this folder: its ") + kClaim + " is there",
-                       "Name another folder. Only if that run was killed, delete " + file_.string() + ".");
+        throw letGo(badInput("--out " + folder.string(),
+                             std::string("another run has this folder: its ") + kClaim + " is there",
+                             "Name another folder. Only if that run was killed, delete " + file_.string() + "."));
     if (descriptor < 0)
-        throw Error(ErrorKind::LogNotWritten, folder.string(),
-                    "nothing can be written here: " + std::generic_category().message(errno),
-                    "Name another place with --out DIR.");
+        throw letGo(Error(ErrorKind::LogNotWritten, folder.string(),
+                          "nothing can be written here: " + std::generic_category().message(errno),
+                          "Name another place with --out DIR."));
     ::close(descriptor);
     // A run that was quicker may have come and gone since the folder was looked at.
     if (!holdsSomething(folder)) return;
     ::unlink(file_.c_str());
-    throw alreadyHolds(folder);
+    throw letGo(alreadyHolds(folder));
 }
 
 FolderClaim::~FolderClaim() {
@@ -114,7 +116,7 @@ fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
 static void tellSentence(const CaseResult& result, std::size_t width) {
     const CaseSentence sentence = tellCase(result);
     const char* const colors[] = {"\033[32m", "\033[33m", "\033[31m", "\033[31m"};  // by gravity
-    const bool isColored = ::isatty(STDOUT_FILENO) == 1 && !std::getenv("NO_COLOR");
+    const bool isColored = hasColor(STDOUT_FILENO);
     const std::size_t begin = std::max(width, result.name.size()) + 1;
     std::printf("%s%s%s%*s%s\n", isColored ? colors[static_cast<int>(sentence.gravity)] : "", result.name.c_str(),
                 isColored ? "\033[0m" : "", static_cast<int>(begin - result.name.size()), "",

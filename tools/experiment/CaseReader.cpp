@@ -37,10 +37,13 @@ double readTick(const ConfigNode* node) {
     return toNumber(node ? *node : makeScalar(spec.defaultText), spec.range());
 }
 
+/** @param tick_s  0: not known */
 double readDuration(const ConfigNode& node, double tick_s) {
     NumberRange range = getKey("duration_s").range();
-    range.min = tick_s;
-    range.minIsOpen = false;
+    if (tick_s > 0.0) {
+        range.min = tick_s;
+        range.minIsOpen = false;
+    }
     return toNumber(node, range);
 }
 
@@ -106,10 +109,11 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     });
     if (map.isSure("tick_s")) {
         // Wrong, it hides nothing else: the rest is read with the usual one.
-        if (!errors.collect([&] { plan.tick_s = readTick(map.find("tick_s")); })) plan.tick_s = readTick(nullptr);
+        const bool hasTick = errors.collect([&] { plan.tick_s = readTick(map.find("tick_s")); });
+        if (!hasTick) plan.tick_s = readTick(nullptr);
         bool hasDuration = false;
         require("duration_s", [&](const ConfigNode& value) {
-            plan.duration_s = readDuration(value, plan.tick_s);
+            plan.duration_s = readDuration(value, hasTick ? plan.tick_s : 0.0);
             hasDuration = true;
         });
         if (hasDuration && map.isSure("duration_s"))

@@ -1,6 +1,7 @@
 #include "experiment/ConfiguredCase.h"
 #include "experiment/UnlikelyValues.h"
 
+#include "core/ErrorParts.h"
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
 #include "experiment/CaseBound.h"
@@ -239,7 +240,8 @@ std::unique_ptr<ConfiguredCase> configureCase(const CasePlan& plan, const Isolat
     return configured;
 } catch (const Error& e) {
     const std::string start = detail::findUnlikelyStart(plan);
-    if (start.empty() || e.kind() != ErrorKind::BadInput) throw;
+    const bool isOfStart = getParts(e).cause.find("the start") != std::string::npos;
+    if (start.empty() || e.kind() != ErrorKind::BadInput || !isOfStart) throw;
     throw badInput(plan.startPlace, start, e.what());
 }
 

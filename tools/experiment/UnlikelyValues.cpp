@@ -1,5 +1,6 @@
 #include "experiment/UnlikelyValues.h"
 
+#include "config/ConfigText.h"
 #include "core/Text.h"
 #include "viable/config/ConfigNode.h"
 #include "viable/core/Numbers.h"
@@ -83,15 +84,23 @@ std::vector<std::string> findUnlikelyValues(const CasePlan& plan) {
                   found);
     }
     for (const auto& [key, node] : plan.command.parameters.resolved().entries) {
+        if (node.line == 0 && node.file != kOverrideFile) continue;  // a default
         const std::string what = "command." + key, unit = key.substr(std::min(key.size(), key.rfind('_')));
-        if (key == "points")
+        if (key == "points") {
+            std::vector<std::string> rows;
             for (std::size_t row = 0; row < node.items.size(); ++row)
                 addJoints(plan.robot, what + " row " + std::to_string(row + 1) + ": the position", LimitKind::Position,
-                          listNumbers(node.items[row], 1), found);
-        else if (unit == "_rad" || unit == "_radps")
-            addJoints(plan.robot, what, unit == "_rad" ? LimitKind::Position : LimitKind::Velocity, listNumbers(node),
-                      found);
-        else if (unit == "_m")
+                          listNumbers(node.items[row], 1), rows);
+            const std::string more = rows.size() > 1 ? "; and " + std::to_string(rows.size() - 1) + " more" : "";
+            if (!rows.empty()) found.push_back(rows.front() + more);
+        } else if (unit == "_rad" || unit == "_radps") {
+            std::vector<double> values = listNumbers(node);
+            const auto n = static_cast<std::size_t>(plan.robot.size());
+            if (node.kind != ConfigNode::Kind::List || values.size() != n) continue;  // of the tool
+            for (std::size_t i = 0; i < n; ++i)
+                if (plan.robot.slides(static_cast<int>(i))) values[i] = kNan;  // no angle is compared with metres
+            addJoints(plan.robot, what, unit == "_rad" ? LimitKind::Position : LimitKind::Velocity, values, found);
+        } else if (unit == "_m")
             for (const double value : listNumbers(node))
                 if (const auto meaning = explainUnlikely(value, calcReach(plan.robot), true, true); !meaning.empty())
                     found.push_back(what + " is " + formatNumber(value) + " m, " + meaning);

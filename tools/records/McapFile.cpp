@@ -212,18 +212,23 @@ bool McapFile::nextOfOpening() {
 }
 
 bool McapFile::next() {
+    const auto tell = [&](double share) { WorkShare::tell(std::filesystem::path(file_).filename().c_str(), share); };
     for (;;) {
         if (isInChunk_ && nextOfChunk()) return true;
         if (nextOfOpening()) return true;
-        if (!isPending_) return false;
+        if (!isPending_) {
+            tell(1.0);
+            return false;
+        }
         isPending_ = false;
         if (opcode_ == kDataEnd) {
+            tell(1.0);
             within([&] { readDataEnd(); });
             return false;
         }
         addToDataCrc();
         if (opcode_ == kMessage) return true;
-        WorkShare::tell(file_.c_str(), static_cast<double>(position_) / static_cast<double>(size_));
+        tell(static_cast<double>(position_) / static_cast<double>(size_));
         within([&] { readChunk(); });
     }
 }

@@ -769,7 +769,8 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         one["kept"] = one["ok"];
         one["ok"] = one["ok"].get<bool>() && known.value("shortcomings", json::array()).empty();
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
-        one["sentence"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("sentence", "");
+        const std::string sentence = known.value("sentence", "");  // older summaries have none
+        one["sentence"] = (reader.isComplete() || sentence.empty() ? "" : std::string(noEnd) + "; ") + sentence;
         one["details"] = known.value("account", "");
         if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};

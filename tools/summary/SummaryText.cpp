@@ -1,6 +1,7 @@
 #include <set>
 #include <tuple>
 
+#include "core/Characters.h"
 #include "core/Text.h"
 #include "host/WatchedLimit.h"
 #include "summary/CaseResult.h"
@@ -520,30 +521,30 @@ std::string dropParentheses(const std::string& text) {
 }  // namespace
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
-    constexpr std::size_t kMostColumns = 100, kLongestName = 24;
+    constexpr std::size_t kMostColumns = 100, kLongestName = 23;
     std::vector<std::string> rows(results.size() + 2);
     /** Adds a column where it tells something and there is room for it. */
     const auto add = [&](const char* head, const char* second, const auto& tell) {
         std::vector<std::string> cells{head, second};
         for (const CaseResult& r : results) cells.push_back(tell(r));
         std::size_t width = 0;
-        for (const std::string& cell : cells) width = std::max(width, cell.size());
+        for (const std::string& cell : cells) width = std::max(width, detail::countCharacters(cell));
         const bool isFirst = rows[0].empty();
         if (std::all_of(cells.begin() + 2, cells.end(), [](const std::string& cell) { return cell.empty(); }) ||
             (!isFirst && rows[0].size() + 2 + width > kMostColumns))
             return false;
-        for (std::size_t i = 0; i < rows.size(); ++i)
-            rows[i] += format(isFirst ? "%-*s" : "  %*s", static_cast<int>(width),
-                              cells[i].empty() && i > 1 ? "-" : cells[i].c_str());
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            const std::string cell = cells[i].empty() && i > 1 ? "-" : cells[i];
+            const std::string blanks(width - detail::countCharacters(cell), ' ');
+            rows[i] += isFirst ? cell + blanks : "  " + blanks + cell;
+        }
         return true;
     };
     const auto addOfReal = [&](const char* head, const char* second, const auto& tell) {
         return add(head, second,
                    [&](const CaseResult& r) { return r.summary.hasRealPlant() ? tell(r) : std::string(); });
     };
-    add("", "case", [](const CaseResult& r) {
-        return r.name.size() > kLongestName ? r.name.substr(0, kLongestName - 1) + "~" : r.name;
-    });
+    add("", "case", [](const CaseResult& r) { return detail::shorten(r.name, kLongestName); });
     add("nominal, from", "its command", [](const CaseResult& r) { return formatCommandError(r.summary, false); });
     addOfReal("real, from", "its command", [](const CaseResult& r) { return formatCommandError(r.summary, true); });
     add("nominal", "limits", [](const CaseResult& r) { return hasKeptLimits(r, false) ? "kept" : "BROKEN"; });
@@ -619,7 +620,10 @@ CaseSentence tellCase(const CaseResult& r) {
         add(passed.empty() ? Gravity::Good : Gravity::Doubtful,
             text + (passed.empty() ? "kept its limits" : "passed limits: " + passed));
     }
-    if (!r.assumed.empty()) add(Gravity::Good, format("%zu figures of the robot are assumed", r.assumed.size()));
+    constexpr std::size_t kMostNamed = 3;
+    if (const std::size_t n = r.assumed.size(); n > 0)
+        add(Gravity::Good, format("%zu figure%s of the robot assumed", n, n == 1 ? " is" : "s are") +
+                               (n > kMostNamed ? "" : ": " + dropParentheses(detail::join(r.assumed))));
     std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     CaseSentence sentence{parts.front().first, ""};
     for (const auto& part : parts) addItem(sentence.text, part.second, "; ");

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "core/Characters.h"
 #include "viable/core/JointLimits.h"
 
 namespace viable {
@@ -54,8 +55,8 @@ std::string wrap(const std::string& text, std::size_t indent, std::size_t begin)
     std::string lines;
     std::istringstream words(text);
     std::size_t column = begin;
-    for (std::string word; words >> word; column += word.size()) {
-        if (column > indent && column + 1 + word.size() > kMostColumns) {
+    for (std::string word; words >> word; column += countCharacters(word)) {
+        if (column > indent && column + 1 + countCharacters(word) > kMostColumns) {
             lines += "\n" + std::string(indent, ' ');
             column = indent;
         } else if (!lines.empty()) {
