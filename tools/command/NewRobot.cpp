@@ -280,7 +280,7 @@ void printBlankFiles(const fs::path& target, const FolderFiles& files) {
 
 void printAssumptions(const RobotDraft& draft) {
     if (draft.assumptions.empty()) return;
-    std::printf("Assumed, because the URDF does not say it; every run of the robot counts it, with --details names it:\n");
+    std::printf("Assumed, because the URDF does not say it; every run counts it, --details names it:\n");
     for (const DraftAssumption& assumption : draft.assumptions)
         std::printf("  %s: %s\n", makePrintable(assumption.figure).c_str(), makePrintable(assumption.rule).c_str());
 }
