@@ -227,7 +227,7 @@ public:
     std::int64_t run(const Stop& stop, ReplayResult& result) {
         Rows rows(log_);
         if (rows.reader().layout().hasTouch)
-            throw badInput(log_,
+            throw badInput(log_.string(),
                            "a run with contact_force_N cannot be decided again: the log has not what the torque "
                            "sensors told",
                            "`viable report` and `viable export` show it as it is.");

@@ -373,6 +373,7 @@ RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimi
         }
         all.joints.push_back(std::move(joint));
     }
+    WorkShare::tell("judging", 1.0);
     if (std::none_of(all.joints.begin(), all.joints.end(), [](const JointVerdict& j) { return j.motion.has_value(); }))
         throw badInput(record.source, "no joint can be judged: " + troubles);
     return all;
