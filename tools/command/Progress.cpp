@@ -14,7 +14,7 @@ namespace viable {
 
 namespace {
 constexpr int kBarWidth = 30;  // a line has at most 80 columns
-constexpr std::size_t kLongestName = 20;
+constexpr std::size_t kLongestShown = 20;
 constexpr std::chrono::seconds kPlainInterval{5};
 constexpr std::chrono::milliseconds kJsonInterval{100}, kDrawInterval{50};
 /** What ends before shows nothing. */
@@ -86,10 +86,10 @@ void Progress::draw(bool last) {
     drawn_ = !isOver;
     std::size_t width = 0;
     for (const std::string& name : names_) width = std::max(width, detail::countCharacters(name));
-    width = std::min(width, kLongestName);
+    width = std::min(width, kLongestShown);
     for (std::size_t i = 0; i < names_.size() && !isOver; ++i) {
         const double share = shares_[i];
-        const std::string name = detail::shorten(names_[i], kLongestName);
+        const std::string name = detail::shorten(names_[i], kLongestShown);
         const int filled = static_cast<int>(share * kBarWidth);
         const std::string bar(static_cast<std::size_t>(filled), '=');
         std::fprintf(stderr, "\r\033[K%s%*s [%s%-*s%s] %3d %% %s\n", name.c_str(),
