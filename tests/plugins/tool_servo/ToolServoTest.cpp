@@ -7,6 +7,7 @@
 #include "core/RotationVector.h"
 #include "environment/ArmClearances.h"
 #include "environment/ArmSurroundings.h"
+#include "tracking/ToolReference.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable::test {
@@ -20,7 +21,7 @@ Summary run(std::vector<std::string> overrides) {
 
 TEST(ToolFreedom, IsWhatTheJointsLeaveAndPutsThePositionFirstWhereSomeOfItIsGivenUp) {
     for (const char* name : {"panda", "ur5e", "indy7", "planar_two_link"}) {
-        const RobotDescription robot = loadArm(name);
+        const RobotDescription robot = loadRobot(std::string(VIABLE_SOURCE_DIR "/robots/") + name);
         const ToolFreedom freedom(robot, robot.limits);
         Dynamics dynamics;
         RobotModel(robot).calcDynamics(robot.home, JointVector::Zero(robot.size()), dynamics);
