@@ -490,7 +490,8 @@ bool hasKeptLimits(const CaseResult& r, bool isReal) {
     const Summary& s = r.summary;
     bool isKept = isReal ? formatRealExcesses(s, &Summary::realLimit).empty() : !s.anyLimitBroken() && !s.endsOutside();
     for (const LimitAccount& account : s.accounts())
-        isKept &= isReal ? !account.real || account.real->brokenTicks == 0 : account.nominal.brokenTicks == 0;
+        if (account.kind != LimitKind::Clearance || r.guarantees.has(account.kind))  // has a column of its own
+            isKept &= isReal ? !account.real || account.real->brokenTicks == 0 : account.nominal.brokenTicks == 0;
     return isKept;
 }
 
