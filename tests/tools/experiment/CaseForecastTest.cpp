@@ -216,7 +216,9 @@ Rest tryRest(const std::string& controller, const std::string& filter, const std
         kOneJoint, {"controller=" + controller, "filter=" + filter, "duration_s=20",
                     "command={plugin: waypoints, points: [[0, 0.0051]]}",
                     "limits={velocity_radps: 3, acceleration_radps2: 8, jerk_radps3: " + jerk + "}"});
-    const std::string told = joinWarnings(forecastCase(*configureCase(e.cases.front())));
+    std::string told = joinWarnings(forecastCase(*configureCase(e.cases.front())));
+    if (told.find("goes on swinging") == std::string::npos)
+        told.clear();  // another: the jerk is far beyond the robot's
     const auto configured = configureCase(e.cases.front());
     ControlLoop loop(configured->setup, std::move(configured->plugins));
     TickRecord record;
