@@ -179,7 +179,7 @@ void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const 
         integral_ += share_ * rate * tick_s_ * std::max(-2.0 * asked_, asked_ - measured_);
     else
         integral_ -= follow(tick_s_, kContact_s) * integral_;
-    integral_ = std::clamp(integral_, -asked_, most_ - asked_);
+    integral_ = std::clamp(integral_, -most_ - asked_, most_ - asked_);
     push_ = share_ * (damping * wanted - asked_ - integral_) * pull;
 }
 

@@ -159,7 +159,7 @@ TEST(Fault81, MotorsThatCannotHoldTheStartAreNamedWithJointPoseAndShare) {
 }
 
 TEST(Fault81, MotorsThatCannotCarryTheLimitsAreNamedWithWhatTheyCarry) {
-    const std::vector<std::string> fast = {"limits.acceleration_radps2=60", "limits.jerk_radps3=3000"};
+    const std::vector<std::string> fast = {"limits.acceleration_radps2=60", "limits.jerk_radps3=200"};
     const CaseForecast told = forecast(fast);
     ASSERT_EQ(told.warnings.size(), 1u) << joinWarnings(told);
     expectContains(told.warnings[0], {"the motors cannot carry the limits: joint", "acceleration limit of 60 rad/s^2",
@@ -169,7 +169,7 @@ TEST(Fault81, MotorsThatCannotCarryTheLimitsAreNamedWithWhatTheyCarry) {
     const double carried = std::stod(told.warnings[0].substr(at));
     EXPECT_LT(carried, 60.0);
     const CaseForecast slower =
-        forecast({"limits.acceleration_radps2=" + std::to_string(0.98 * carried), "limits.jerk_radps3=3000"});
+        forecast({"limits.acceleration_radps2=" + std::to_string(0.98 * carried), "limits.jerk_radps3=200"});
     EXPECT_EQ(joinWarnings(slower), "");
     const CaseForecast kept = forecast({fast[0], fast[1], "filter={plugin: whole_arm_braking, torque_share: 0.9}"});
     EXPECT_EQ(joinWarnings(kept), "");
