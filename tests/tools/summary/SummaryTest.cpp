@@ -438,7 +438,8 @@ TEST(Summary, ACaseIsOneSentenceThatBeginsWithItsWorstAndATableOfHundredColumns)
     EXPECT_EQ(bad.json()["sentence"], tellCase(bad.result).text);
     std::istringstream table(formatComparison({good.result, bad.result}));
     for (std::string line; std::getline(table, line);) EXPECT_LE(line.size(), 100u) << line;
-    expectContains(table.str(), {" kept", " BROKEN", "500 mrad", "position 150.00 %", std::string(12, 'b') + "~" + std::string(10, 'b')});
+    expectContains(table.str(), {" kept", " BROKEN", "500 mrad", "position 150.00 %",
+                                 std::string(12, 'b') + "~" + std::string(10, 'b')});
     good.result.others = bad.result.others = {{"command", "c"}, {"robot", "r"}};
     expectContains(formatOrder({bad.result, good.result}), {"nearest to the command): good, bbb"});
     bad.result.others["command"] = "another";
