@@ -236,7 +236,7 @@ TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
     const Outcome refused = run(makeLinked(robot, folder / "second", {"--duration", "0.5"}));
     EXPECT_EQ(refused.code, 2);
     expectContains(refused.err, {"does not stand where the file starts", "viable live --from-here"});
-    sleepFor(4.0);  // the robot's own hold comes to rest: the robust loop answers what is left of a motion
+    sleepFor(10.0);  // the robot's own hold comes to rest: the robust loop answers what is left of a motion
     const Outcome o = run(makeLinked(robot, folder / "third", {"--duration", "0.5", "--from-here"}));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
     expectNoLapse(robot.end(SIGINT));
