@@ -206,22 +206,27 @@ void ControlLoop::readState() {
     loop_.end(StopReason::PlantFailed, "the state that it reports has the wrong size or is not finite", kOnValues);
 }
 
+/** Null: it is unusable in this tick. Where that lasts the arm is stopped. */
+const JointVector* ControlLoop::findExternalTorque() {
+    const JointVector* torque = nullptr;
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+        torque = plugins_.realPlant->externalTorque();
+        return torque && isBounded(*torque, n_) ? TickStatus::Ok : TickStatus::Faulted;
+    });
+    missingExternalTorques_ = status == TickStatus::Ok ? 0 : missingExternalTorques_ + 1;
+    if (missingExternalTorques_ > kMaxSubstitutedTicks)
+        loop_.beginStop(StopReason::SensorFailed,
+                        "the external torque that it reports has the wrong size, is not finite or beyond 1e9",
+                        kOnValues);
+    return status == TickStatus::Ok ? torque : nullptr;
+}
+
 /** An unusable value is replaced by the last good one, for a while. */
 void ControlLoop::readExternalTorque() {
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
-        const JointVector* torque = plugins_.realPlant->externalTorque();
-        if (!torque || !isBounded(*torque, n_)) return TickStatus::Faulted;
+    if (const JointVector* torque = findExternalTorque())
         externalTorque_ = *torque;
-        return TickStatus::Ok;
-    });
-    if (status == TickStatus::Ok) {
-        missingExternalTorques_ = 0;
-        return;
-    }
-    if (++missingExternalTorques_ <= kMaxSubstitutedTicks) return;
-    externalTorque_.setZero();
-    loop_.beginStop(StopReason::SensorFailed,
-                    "the external torque that it reports has the wrong size, is not finite or beyond 1e9", kOnValues);
+    else if (missingExternalTorques_ > kMaxSubstitutedTicks)
+        externalTorque_.setZero();
 }
 
 /** Nothing is known of where the joint is from here on. */
@@ -256,23 +261,13 @@ bool ControlLoop::isSuspect(int joint) const {
 
 /** Lets the nominal arm wait where the real tool is held, and the robust loop see no more of it than it shall. */
 void ControlLoop::feelTouch() {
-    const JointVector* torque = nullptr;
-    loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
-        torque = plugins_.realPlant->externalTorque();
-        return TickStatus::Ok;
-    });
+    const JointVector* torque = findExternalTorque();
     const Dynamics& dynamics = nominalArm_.dynamics();
-    const bool isUsable = torque && isBounded(*torque, n_);
-    missingExternalTorques_ = isUsable ? 0 : missingExternalTorques_ + 1;
-    if (missingExternalTorques_ > kMaxSubstitutedTicks)
-        loop_.beginStop(StopReason::SensorFailed,
-                        "the external torque that it reports has the wrong size, is not finite or beyond 1e9",
-                        kOnValues);
     const bool isPlausible = std::all_of(isPlausible_.begin(), isPlausible_.begin() + n_, [](bool is) { return is; });
     if (missingExternalTorques_ > kMaxSubstitutedTicks || !isPlausible || dynamics.J.cols() != n_) return touch_->end();
     JointVector room(n_);
     for (int i = 0; i < n_; ++i) room[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
-    touch_->update(plausible_, isUsable ? *torque : touch_->external(), room);
+    touch_->update(plausible_, torque ? *torque : touch_->external(), room);
     const detail::ToolSurface surface = touch_->surface();
     if (touch_->isOn() && touch_->hasLost()) {
         const bool isAway = surface.normal.dot(dynamics.tool.position) > surface.offset + 2.0 * touch_->kLead;

@@ -129,6 +129,7 @@ private:
     void awaitPlant();
     void readPlant(bool isRead);
     void readState();
+    const JointVector* findExternalTorque();
     void readExternalTorque();
     void checkReading();
     void passReading();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/RotationVector.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable::detail {
@@ -49,12 +50,12 @@ bool FreeArm::move(const ControllerOutput& output) {
     return status == FilterStatus::Passed || status == FilterStatus::Modified || status == FilterStatus::Recovering;
 }
 
-/** The free tool's place, lifted to the surface_. */
+/** The free tool's place, lifted to the surface. */
 void FreeArm::findTarget(double beneath) {
     model_.calcDynamics(target_.q, target_.qd, ofTarget_);
     Vector6 step, twist = dynamics_.J * state_.qd, turning = dynamics_.J * state_.qdd;
     step.head<3>() = tool() + beneath * surface_.normal - ofTarget_.tool.position;
-    step.tail<3>() = calcTurn(ofTarget_.tool.orientation, dynamics_.tool.orientation);
+    step.tail<3>() = calcRotationVector(dynamics_.tool.orientation * ofTarget_.tool.orientation.conjugate());
     Vector6 rate = dynamics_.J * decision_.value;
     for (Vector6* part : {&twist, &turning, &rate})
         part->head<3>() -= surface_.normal.dot(part->head<3>()) * surface_.normal;

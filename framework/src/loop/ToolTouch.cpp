@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/RotationVector.h"
+
 namespace viable::detail {
 
 namespace {
@@ -28,11 +30,6 @@ Eigen::Vector3d calcToolForce(const ToolJacobian& J, const JointVector& torque) 
 }
 
 }  // namespace
-
-Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
-    const Eigen::AngleAxisd turn(to * from.conjugate());
-    return (turn.angle() > kPi ? turn.angle() - 2.0 * kPi : turn.angle()) * turn.axis();
-}
 
 JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const JointVector& wish) {
     const double lever = calcLeverArm(J), angular = kAngular * lever, own = kWish * lever;
@@ -152,7 +149,7 @@ void ToolTouch::liftNominal(const MotionState& nominal, const Dynamics& dynamics
     model_->calcDynamics(nominal.q + lifted_, nominal.qd, ofLifted_);
     Vector6 step;
     step.head<3>() = dynamics.tool.position + above * normal_ - ofLifted_.tool.position;
-    step.tail<3>() = calcTurn(ofLifted_.tool.orientation, dynamics.tool.orientation);
+    step.tail<3>() = calcRotationVector(dynamics.tool.orientation * ofLifted_.tool.orientation.conjugate());
     lifted_ += calcJointStep(ofLifted_.J, step, -lifted_);
     Vector6 twist = dynamics.J * nominal.qd;
     twist.head<3>() -= share * normal_.dot(twist.head<3>()) * normal_;

@@ -13,9 +13,6 @@ struct ToolSurface {
     double offset = 0.0;                                ///< [m]
 };
 
-/** The rotation that leads from one orientation to another, the short way. @return axis times angle [rad] */
-Eigen::Vector3d calcTurn(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to);
-
 /** The motion of the joints that moves the tool by `step` (linear, angular) while it changes `wish` least, by damped least
 squares: the linear part goes before the angular one, where there are too few joints for both. @return [rad, m] */
 JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const JointVector& wish);
