@@ -386,32 +386,31 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
     }
 }
 
-/** An arm as CAD leaves it: no masses, one tensor of no body, definitions of xacro. @param size  1: 0.8 m high */
-std::string makePoorUrdf(double size) {
-    const auto scale = [&](double x, int power = 1) { return std::to_string(x * std::pow(size, power)); };
+/** An arm of 0.8 m as CAD leaves it: no masses, one tensor of no body, definitions of xacro. */
+std::string makePoorUrdf() {
+    const std::string shape =
+        "<visual><origin xyz='0 0 0.1'/><geometry><cylinder radius='0.03' length='0.2'/></geometry></visual>";
     std::string urdf = "<robot name='poor' xmlns:xacro='x'><xacro:property name='w' value='1'/><link name='base'/>";
     for (int i = 1; i <= 4; ++i) {
-        const std::string n = std::to_string(i), shape = "<visual><origin xyz='0 0 " + scale(0.1) +
-                                                         "'/><geometry><cylinder radius='" + scale(0.03) +
-                                                         "' length='" + scale(0.2) + "'/></geometry></visual>";
-        urdf +=
-            "<joint name='j" + n + "' type='revolute'><parent link='" + (i > 1 ? "l" + std::to_string(i - 1) : "base") +
-            "'/><child link='l" + n + "'/><origin xyz='0 0 " + scale(0.2) + "'/><axis xyz='" +
-            (i == 1   ? "0 0 1"
-             : i == 4 ? "1 0 0"
-                      : "0 1 0") +
-            "'/><limit lower='-2' upper='2' velocity='2' effort='0'/></joint><link name='l" + n + "'>" + shape +
-            (i == 2 ? "<inertial><mass value='" + scale(1.0, 3) + "'/><inertia ixx='" + scale(0.001, 5) + "' iyy='" +
-                          scale(0.001, 5) + "' izz='" + scale(0.009, 5) + "' ixy='0' ixz='0' iyz='0'/></inertial>"
-                    : "") +
-            "</link>";
+        const std::string n = std::to_string(i);
+        urdf += "<joint name='j" + n + "' type='revolute'><parent link='" +
+                (i > 1 ? "l" + std::to_string(i - 1) : "base") + "'/><child link='l" + n +
+                "'/><origin xyz='0 0 0.2'/><axis xyz='" +
+                (i == 1   ? "0 0 1"
+                 : i == 4 ? "1 0 0"
+                          : "0 1 0") +
+                "'/><limit lower='-2' upper='2' velocity='2' effort='0'/></joint><link name='l" + n + "'>" + shape +
+                (i == 2 ? "<inertial><mass value='1'/><inertia ixx='0.001' iyy='0.001' izz='0.009' ixy='0' ixz='0' "
+                          "iyz='0'/></inertial>"
+                        : "") +
+                "</link>";
     }
     return urdf + "</robot>";
 }
 
 TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
     Folder folder;
-    std::ofstream(folder / "poor.urdf") << makePoorUrdf(1.0);
+    std::ofstream(folder / "poor.urdf") << makePoorUrdf();
     const Outcome refused = makeNew(folder, {"robot", "arm", "--urdf", folder / "poor.urdf"});
     EXPECT_EQ(refused.code, 2);
     expectContains(refused.err, {"2 things are wrong", "`viable new robot --assume` takes a mass from the shapes"});
