@@ -176,7 +176,7 @@ using Work = void (Arm::*)();
 double measure(Arm& arm, Work work) {
     using Clock = std::chrono::steady_clock;
     constexpr int kSeries = 200;
-    double fastest = std::numeric_limits<double>::infinity();
+    double fastest = kInfinity;
     for (int series = 0; series < kSeries; ++series) {
         const Clock::time_point begin = Clock::now();
         for (int k = 0; k < kStates; ++k) (arm.*work)();

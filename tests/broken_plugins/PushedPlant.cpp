@@ -70,7 +70,7 @@ private:
         if (tick_ >= offset0_) measured_.q += offset_;
         external_ = calcPush();
         if (tick_ < fault0_ || tick_ >= fault1_) return;
-        if (fault_ == "nan") external_[0] = std::numeric_limits<double>::quiet_NaN();
+        if (fault_ == "nan") external_[0] = kNan;
         if (fault_ == "huge") external_[0] = 1e300;
         if (fault_ == "size") external_.resize(external_.size() - 1);
     }

@@ -5,7 +5,6 @@
 
 #include "ExpectContains.h"
 #include "Program.h"
-#include "records/LogReader.h"
 
 namespace viable::test {
 namespace {
@@ -21,13 +20,16 @@ controller: {plugin: joint_pd}
 cases: {A: {filter: {plugin: pass_through}}}
 )";
 
+/** A run of the experiment with that filter. */
+Outcome runWith(const Folder& folder, const std::string& filter, std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
+                               "--set", "cases.A.filter=" + filter});
+    return test::run(std::move(more));
+}
+
 int countRowsOfWholeLog(const std::filesystem::path& log) {
-    LogReader reader(log);
-    EXPECT_TRUE(reader.isComplete());
-    TickRecord record;
-    int rows = 0;
-    while (reader.read(record)) ++rows;
-    return rows;
+    EXPECT_TRUE(LogReader(log).isComplete());
+    return countRows(log);
 }
 
 struct Fixture {
@@ -39,16 +41,7 @@ struct Fixture {
 class BadPlugin : public ::testing::TestWithParam<Fixture> {
 protected:
     Outcome run(std::vector<std::string> more) {
-        std::vector<std::string> arguments{
-            "run",
-            folder_.write("e.yaml", kFaultyExperiment),
-            "--out",
-            folder_ / "run",
-            "--no-report",
-            "--set",
-            std::string("cases.A.filter={plugin: ") + GetParam().plugin + ", after_ticks: 100}"};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        return test::run(arguments);
+        return runWith(folder_, std::string("{plugin: ") + GetParam().plugin + ", after_ticks: 100}", std::move(more));
     }
     std::string who() const {
         return std::string("the filter plugin '") + GetParam().plugin +
@@ -84,43 +77,38 @@ TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
 
 INSTANTIATE_TEST_SUITE_P(
     Fault44And47To50, BadPlugin,
-    ::testing::Values(Fixture{"segfaults", "crashed in tick 100: signal 11 (Segmentation fault). The logs in ",
-                              "its process died: signal 11 (Segmentation fault)\nFix the plugin"},
-                      Fixture{"overflows_stack", "crashed in tick 100: signal 11 (Segmentation fault). The logs",
-                              "its process died: signal 11 (Segmentation fault)\nFix the plugin"},
-                      Fixture{"aborts", "crashed in tick 100: signal 6 (Aborted). The logs in ",
-                              "its process died: signal 6 (Aborted)\nFix the plugin"},
-                      Fixture{"calls_exit", "called exit() in tick 100. The logs in ",
-                              "its process ended: it called exit(0)\nFix the plugin"},
-                      Fixture{"hangs", " has not come back in tick 100. The logs in ",
-                              "it did not return for 1 s; its process was ended\nFix the plugin"},
-                      Fixture{"rounds_in_tick",
-                              "failed: it changed the floating point arithmetic of the whole thread (the "
-                              "rounding mode; set back)\nSet the modes back",
-                              "it changed the floating point arithmetic of the whole thread (the rounding mode; "
-                              "set back)\nSet the modes back"},
-                      Fixture{
-                          "throwing_tick",
-                          "failed: it threw: the filter lost its temper\nreset() and the tick functions must not throw",
-                          "it threw: the filter lost its temper\nreset() and the tick functions must not throw"},
-                      Fixture{"nan_output",
-                              "failed: its decision has the wrong size or is not finite\nReturn one finite "
-                              "number per joint",
-                              "its decision has the wrong size or is not finite\nReturn one finite "
-                              "number per joint"},
-                      Fixture{"wrong_size",
-                              "failed: its decision has the wrong size or is not finite\nReturn one finite "
-                              "number per joint",
-                              "its decision has the wrong size or is not finite\nReturn one finite "
-                              "number per joint"}),
+    ::testing::Values(
+        Fixture{"segfaults", "crashed in tick 100: signal 11 (Segmentation fault). The logs in ",
+                "its process died: signal 11 (Segmentation fault)\nFix the plugin"},
+        Fixture{"overflows_stack", "crashed in tick 100: signal 11 (Segmentation fault). The logs",
+                "its process died: signal 11 (Segmentation fault)\nFix the plugin"},
+        Fixture{"aborts", "crashed in tick 100: signal 6 (Aborted). The logs in ",
+                "its process died: signal 6 (Aborted)\nFix the plugin"},
+        Fixture{"calls_exit", "called exit() in tick 100. The logs in ",
+                "its process ended: it called exit(0)\nFix the plugin"},
+        Fixture{"hangs", " has not come back in tick 100. The logs in ",
+                "it did not return for 1 s; its process was ended\nFix the plugin"},
+        Fixture{"rounds_in_tick",
+                "failed: it changed the floating point arithmetic of the whole thread (the "
+                "rounding mode; set back)\nSet the modes back",
+                "it changed the floating point arithmetic of the whole thread (the rounding mode; "
+                "set back)\nSet the modes back"},
+        Fixture{"throwing_tick",
+                "failed: it threw: the filter lost its temper\nreset() and the tick functions must not throw",
+                "it threw: the filter lost its temper\nreset() and the tick functions must not throw"},
+        Fixture{"nan_output",
+                "failed: its decision has the wrong size or is not finite\nReturn one finite "
+                "number per joint",
+                "its decision has the wrong size or is not finite\nReturn one finite number per joint"},
+        Fixture{"wrong_size",
+                "failed: its decision has the wrong size or is not finite\nReturn one finite number per joint",
+                "its decision has the wrong size or is not finite\nReturn one finite number per joint"}),
     [](const auto& fixture) { return std::string(fixture.param.plugin); });
 
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                   "--details", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = runWith(folder, "{plugin: allocates, after_ticks: 100}", {"--details"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
                            "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
@@ -139,9 +127,7 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
-                                 "--no-report", "--details", "--set", "duration_s=0.2", "--set",
-                                 "cases.A.filter={plugin: leaks, after_ticks: 100}"});
+    const Outcome o = runWith(folder, "{plugin: leaks, after_ticks: 100}", {"--details", "--set", "duration_s=0.2"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
                            "The program grew by 1", " MB in this case's ticks"});
@@ -182,24 +168,9 @@ TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o =
-        test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report",
-                   "--isolate", "--details", "--set", "cases.A.filter={plugin: allocates, after_ticks: 100}"});
+    const Outcome o = runWith(folder, "{plugin: allocates, after_ticks: 100}", {"--isolate", "--details"});
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
-}
-
-/** A run of the experiment with that filter. */
-Outcome runWith(const Folder& folder, const std::string& filter, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments{"run",
-                                       folder.write("e.yaml", kFaultyExperiment),
-                                       "--out",
-                                       folder / "run",
-                                       "--no-report",
-                                       "--set",
-                                       "cases.A.filter=" + filter};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return test::run(arguments);
 }
 
 TEST(Fault50, AChangeOfArithmeticBeforeTheFirstTickIsRefused) {

@@ -10,7 +10,6 @@
 #include "Program.h"
 #include "WitnessPage.h"
 #include "log/Recorder.h"
-#include "records/LogReader.h"
 
 // Runs that are killed (kill -9) at random moments. How far the loop had come is told by a witness, a command
 // plugin that writes each tick's number and time into mapped memory, and so by nothing that takes part in logging.

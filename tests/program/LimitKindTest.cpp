@@ -64,8 +64,7 @@ TEST(LimitKind, OfAPluginIsInLogTableVerdictReportAndExitCode) {
     EXPECT_TRUE(acts);
     EXPECT_NEAR(worst, liar["upright"]["nominal"]["worst_deg"], 0.1);
 
-    const std::string report = readFile(std::filesystem::path(folder / "run") / "report.html");
-    expectContains(report,
+    expectContains(readFile(std::filesystem::path(folder / "run") / "report.html"),
                    {"upright, ticks beyond", "the nominal arm broke its limit of upright", "\"upright_upper\""});
     const Outcome again = test::run({"report", folder / "run"});
     EXPECT_EQ(again.code, 0) << again.err;

@@ -285,8 +285,7 @@ TEST(RunAgain, IsForLogsOfAnyRun) {
     const Outcome o = run({"run", kExperiment, "--case", "simulated", "--set", "duration_s=0.5", "--no-report", "--out",
                            (folder / "run").string()});
     ASSERT_EQ(o.code, 0) << o.err;
-    const std::filesystem::path log = folder / "run" / "simulated.mcap";
-    EXPECT_EQ(run({"run", log.string(), "--again"}).code, 0);
+    EXPECT_EQ(run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
     const Outcome notALog = run({"run", kExperiment, "--again"});
     EXPECT_EQ(notALog.code, 2);
     expectContains(notALog.err, {"planar_two_link_linked.yaml"});

@@ -75,8 +75,9 @@ TEST(MainExperiment, GeneratedHandMotion) {
         const Outcome run = test::run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set", block,
                                        "--out", folder / ("fed" + scale)});
         EXPECT_EQ(run.code, 0) << run.err;
-        const auto summary = nlohmann::json::parse(readFile(folder / ("fed" + scale + "/summary.json")));
-        return summary["cases"][0]["tracking"]["rms_rad"].get<double>();
+        return nlohmann::json::parse(
+                   readFile(folder / ("fed" + scale + "/summary.json")))["cases"][0]["tracking"]["rms_rad"]
+            .get<double>();
     };
     const double right = follow("1"), less = follow("0.7"), more = follow("1.3");
     std::printf("  real - nominal with friction fed forward: %.3g mrad RMS; 30 %% less %.3g, more %.3g\n", 1e3 * right,

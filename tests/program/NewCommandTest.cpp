@@ -73,18 +73,11 @@ TEST(NewPlugin, TheFolderHasTheRightsThatTheUserGivesNewFolders) {
 }
 
 TEST(NewPlugin, RefusesNamesThatAreNotSnakeCaseAndSuggestsOne) {
-    const std::vector<std::pair<std::string, std::string>> names = {{"MyFilter", "my_filter"},
-                                                                    {"my-filter", "my_filter"},
-                                                                    {"MyPDLaw2", "my_pd_law2"},
-                                                                    {"2fast", "filter_2fast"},
-                                                                    {"my filter", "my_filter"},
-                                                                    {"_x", "x"},
-                                                                    {"x_", "x"},
-                                                                    {"a__b", "a_b"},
-                                                                    {"\xC3\xA4", "my_filter"},
-                                                                    {"Class", "class_filter"},
-                                                                    {"x.so", "x_so"},
-                                                                    {"...", "my_filter"}};
+    const std::vector<std::pair<std::string, std::string>> names = {
+        {"MyFilter", "my_filter"}, {"my-filter", "my_filter"}, {"MyPDLaw2", "my_pd_law2"},
+        {"2fast", "filter_2fast"}, {"my filter", "my_filter"}, {"x_", "x"},
+        {"a__b", "a_b"},           {"\xC3\xA4", "my_filter"},  {"Class", "class_filter"},
+        {"x.so", "x_so"},          {"...", "my_filter"},       {"_x", "x"}};
     for (const auto& [name, better] : names)
         expectRefused({"filter", name}, {"new filter: the name `" + name + "` is not snake_case",
                                          "beginning with a letter: `" + better + "`."});
@@ -293,7 +286,7 @@ TEST(NewRobot, DraftsCapsulesThatAreReadBack) {
         replaceAll(folder / "my_arm/actuation.yaml", std::string(blank) + "TODO", std::string(blank) + "1");
     replaceAll(folder / "my_arm/limits.yaml", "TODO", "10");
     const RobotDescription robot = loadRobot(folder / "my_arm");
-    expectContains(catchError([&] { loadArmGeometry(robot); }), {"collision.yaml:", "links.no: not filled in yet"});
+    expectError({"collision.yaml:", "links.no: not filled in yet"}, [&] { loadArmGeometry(robot); });
     replaceAll(file, "\"no\": TODO", "\"no\": [{from: [0, 0, 0], to: [0, 0, 1], radius: 0.1}]");
     const ArmGeometry arm = loadArmGeometry(robot);
     EXPECT_EQ(arm.links, (std::vector<std::string>{"a", "b", "no"}));
@@ -439,8 +432,7 @@ TEST(NewRobot, AToolThatItsOnlyJointDoesNotMoveGetsNoTask) {
                                            "<cylinder radius='0.03' length='0.4'/></geometry></collision></link><joint "
                                            "name='turn' type='revolute'><parent "
                                            "link='base'/><child link='arm'/><axis xyz='0 1 0'/><limit lower='-2' "
-                                           "upper='2' velocity='2' effort='20'/></joint>"
-                                           "</robot>";
+                                           "upper='2' velocity='2' effort='20'/></joint></robot>";
     const Outcome made = makeNew(folder, {"robot", "turn", "--assume", "--urdf", folder / "turn.urdf"});
     EXPECT_EQ(made.code, 0) << made.err;
     EXPECT_TRUE(fs::exists(folder / "turn/first_run.yaml"));

@@ -28,7 +28,7 @@ Judged runAndJudge(const ProjectExperiment& experiment, const std::string& name)
         if (each.name == name) plan = &each;
     const CollisionChecker checker(plan->robot, *plan->geometry, *plan->environment);
     std::int64_t poses = 0, inCollision = 0;
-    double least_m = std::numeric_limits<double>::infinity();
+    double least_m = kInfinity;
     CaseResult result = experiment.run(name, [&](const TickRecord& r) {
         for (int k = 0; k < kPosesPerTick; ++k) {
             const double s = kTick_s * k / kPosesPerTick;
@@ -59,8 +59,7 @@ TEST(Obstacles, WithoutTheFilterTheArmCollidesAndWithItNever) {
         EXPECT_EQ(judged.result.summary.account(LimitKind::Clearance)->nominal.brokenTicks, 0);
         EXPECT_EQ(judged.result.summary.account(LimitKind::Clearance)->nominal.nearTicks, 0);
         least = std::min(least, judged.least_m);
-        const CaseResult bare = experiment.run("joints_only");
-        collided += bare.summary.account(LimitKind::Clearance)->nominal.brokenTicks > 0;
+        collided += experiment.run("joints_only").summary.account(LimitKind::Clearance)->nominal.brokenTicks > 0;
     }
     std::printf("  %d runs of 20 s: without the filter %d collided; with it the least clearance is %.2f mm\n", runs,
                 collided, 1e3 * least);
@@ -130,8 +129,8 @@ TEST(Obstacles, ARealMapWithUnknownSpaceOccupiedOrFree) {
             EXPECT_EQ(judged.result.exitCode(), 0) << judged.result.stopMessage;
             EXPECT_EQ(judged.inCollision, 0);
             EXPECT_GE(judged.least_m, 0.02 - kAllowed_m);
-            const CaseResult bare = experiment.run("joints_only");
-            const std::int64_t collided = bare.summary.account(LimitKind::Clearance)->nominal.brokenTicks;
+            const std::int64_t collided =
+                experiment.run("joints_only").summary.account(LimitKind::Clearance)->nominal.brokenTicks;
             std::printf(
                 "  map at %s, unknown %s: least clearance %.1f mm; without the filter %lld ticks in collision\n", base,
                 unknown, 1e3 * judged.least_m, static_cast<long long>(collided));

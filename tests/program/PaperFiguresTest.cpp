@@ -205,9 +205,8 @@ TEST(Arena, AllLawsRunOnTheSameCommandsAndTheCertifiedOneKeepsEverything) {
         EXPECT_NE(ranking.find("\n 1 certified_braking"), std::string::npos) << ranking;
         EXPECT_NE(ranking.find("\n - joint_servo"), std::string::npos) << ranking;
         for (const CaseResult& one : results)
-            if (one.summary.ticksOutside(LimitKind::Jerk) == 0) {
+            if (one.summary.ticksOutside(LimitKind::Jerk) == 0)
                 EXPECT_LE(results.back().summary.commandErrorRms(), one.summary.commandErrorRms()) << one.name;
-            }
     }
 }
 

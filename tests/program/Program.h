@@ -8,14 +8,16 @@
 
 #include "Paths.h"
 #include "TemporaryFolder.h"
+#include "records/LogReader.h"
 
 namespace viable::test {
 
-inline std::string readFile(const std::filesystem::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return text.str();
+inline int countRows(const std::filesystem::path& log) {
+    LogReader reader(log);
+    TickRecord record;
+    int rows = 0;
+    while (reader.read(record)) ++rows;
+    return rows;
 }
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

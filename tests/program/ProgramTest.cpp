@@ -11,7 +11,6 @@
 
 #include "Program.h"
 #include "RobotFolder.h"
-#include "records/LogReader.h"
 
 namespace viable::test {
 namespace {
@@ -29,14 +28,6 @@ cases:
   A: {}
   B: {filter: {plugin: acceleration_viability}}
 )";
-
-int countRows(const std::filesystem::path& log) {
-    LogReader reader(log);
-    TickRecord record;
-    int rows = 0;
-    while (reader.read(record)) ++rows;
-    return rows;
-}
 
 TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
     Folder folder;
@@ -369,8 +360,7 @@ TEST(Fault74, OfTwoRunsAtOnceIntoOneFolderOneGetsIt) {
         const Outcome ofA = a.wait(), ofB = b.wait();
         ASSERT_EQ(ofA.code + ofB.code, 2) << ofA.err << ofB.err;
         const std::string winner = ofA.code == 0 ? "A" : "B";
-        const std::string told = ofA.code == 0 ? ofB.err : ofA.err;
-        expectContains(told, {"--out " + out, "Name a"});
+        expectContains(ofA.code == 0 ? ofB.err : ofA.err, {"--out " + out, "Name a"});
         const auto summary = nlohmann::json::parse(readFile(out + "/summary.json"));
         ASSERT_EQ(summary["cases"].size(), 1u);
         EXPECT_EQ(summary["cases"][0]["name"], winner);
@@ -401,7 +391,7 @@ TEST(Fault74, OfTwoWritersIntoOneFolderOrFileOneIsRefused) {
         EXPECT_EQ(c.wait().code + d.wait().code, 2);
         EXPECT_EQ(e.wait().code + f.wait().code, 0);
         EXPECT_TRUE(nlohmann::json::accept(readFile(out)));
-        EXPECT_NE(readFile(folder / "run/report.html").find("</html>"), std::string::npos);
+        EXPECT_CONTAINS(readFile(folder / "run/report.html"), "</html>");
     }
 }
 

@@ -55,9 +55,7 @@ inline std::int64_t countOutside(const CaseResult& r) {
 
 inline void print(const CaseResult& r) {
     std::printf(
-        "  %-22s position %.5g, velocity %.5g, acceleration %.5g, jerk %.5g of the limit; %lld "
-        "ticks "
-        "infeasible\n",
+        "  %-22s position %.5g, velocity %.5g, acceleration %.5g, jerk %.5g of the limit; %lld ticks infeasible\n",
         r.name.c_str(), getUse(r, LimitKind::Position), getUse(r, LimitKind::Velocity),
         getUse(r, LimitKind::Acceleration), getUse(r, LimitKind::Jerk),
         static_cast<long long>(r.summary.ticksWith(FilterStatus::Infeasible)));

@@ -200,9 +200,8 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
         EXPECT_EQ(ended.code, signal == SIGKILL ? -SIGKILL : 128 + SIGINT) << ended.err;
         for (const pid_t child : children)
             EXPECT_TRUE(waitFor([&] { return ::kill(child, 0) != 0; })) << "the child lives on";
-        if (signal == SIGINT) {
+        if (signal == SIGINT)
             EXPECT_NE(ended.err.find("The same command continues from there"), std::string::npos) << ended.err;
-        }
         std::map<std::string, double> walls_s;
         const auto name = [](const SweepRow& row) { return std::to_string(row.run) + row.caseName; };
         {
@@ -215,9 +214,7 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
         const SweepStore store = open(out);
         store.forEach([&](const SweepRow& row) {
             const auto before = walls_s.find(name(row));
-            if (before != walls_s.end()) {
-                EXPECT_EQ(getNumber(store, row, "wall_s"), before->second) << "done again";
-            }
+            if (before != walls_s.end()) EXPECT_EQ(getNumber(store, row, "wall_s"), before->second) << "done again";
         });
     }
 }

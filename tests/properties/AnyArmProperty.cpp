@@ -200,8 +200,7 @@ bool checkAnyArm(const Options& options) {
         std::string outcome, why;
         double error = 0.0, drift = 0.0, freeError = 0.0;
         try {
-            const Experiment experiment = readExperiment(file, {}, loader, {});
-            const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
+            const CaseResult result = runCase(configureCase(readExperiment(file, {}, loader, {}).cases.front()), {});
             const Summary& s = result.summary;
             error = getError(s);
             drift = getTracking(s);

@@ -158,7 +158,7 @@ public:
         : robot_(robot),
           random_(random),
           environment_(drawScene(random, scene, 0.5 * robot.reach.sizes().head<2>().minCoeff(), map)) {
-        options_.torqueShare = random.chance(0.5) ? 1.0 : std::numeric_limits<double>::infinity();
+        options_.torqueShare = random.chance(0.5) ? 1.0 : kInfinity;
         start_ = {robot.description.home, JointVector::Zero(n()), JointVector::Zero(n())};
         if (random.chance(0.7)) start_.q = drawPose(random.uniform(0.1, 1.0));
         stiffness_ = random.logUniform(10.0, 300.0);

@@ -103,8 +103,7 @@ private:
         for (int k = 0; k < ticks; ++k) {
             // No usable input (NaN burst) or missed ticks: the stops go on.
             if (k > 0 && random.chance(0.001)) missTicks(random.integer(1, 1000));
-            const bool followsStop = k > 0 && random.chance(0.02);
-            runTick(k, followsStop);
+            runTick(k, k > 0 && random.chance(0.02));
         }
         run_.addSteps(std::int64_t(ticks) * arm.n);
         for (int i = 0; i < arm.n; ++i) {

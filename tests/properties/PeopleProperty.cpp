@@ -64,7 +64,7 @@ public:
     }
 
     std::int64_t moving = 0, near = 0, exempt = 0, unkept = 0, changes = 0;
-    double least = std::numeric_limits<double>::infinity();  ///< gap to what was too fast to be touched
+    double least = kInfinity;  ///< gap to what was too fast to be touched
     const Walkers& walkers() const { return *walkers_; }
     const PeopleFaults& faults() const { return decision_.peopleFaults; }
 
@@ -112,7 +112,7 @@ private:
             exempt += counts;
             return {};
         }
-        double nearest = std::numeric_limits<double>::infinity();
+        double nearest = kInfinity;
         for (int k = 0; k < kLooks; ++k) {
             const double t = kTick_s * k / kLooks;
             const MotionState s = calcState(from, jerk, t);
@@ -142,7 +142,7 @@ bool checkPeople(const Options& options) {
     Run run("people", options);
     PushedArms all;
     std::int64_t moving = 0, near = 0, exempt = 0, unkept = 0, jumps = 0, losses = 0, changes = 0, faster = 0, lost = 0;
-    double least = std::numeric_limits<double>::infinity();
+    double least = kInfinity;
     all.push<PeopleCase>(run, kTicksPerArm, [&](const PeopleCase& arm) {
         moving += arm.moving;
         near += arm.near;

@@ -50,9 +50,9 @@ constexpr int kRestTicks = 200;  ///< so long an arm that rests for a visitor ha
 /** What a run came to. */
 struct Outcome {
     std::int64_t tooFast = 0, noChoice = 0, moving = 0, beyondLimits = 0, beyondTorque = 0;
-    bool restedForVisitor = false;                              ///< when the visitor began to leave
-    double goesOn_s = std::numeric_limits<double>::infinity();  ///< so long after
-    double least = std::numeric_limits<double>::infinity();
+    bool restedForVisitor = false;  ///< when the visitor began to leave
+    double goesOn_s = kInfinity;    ///< so long after
+    double least = kInfinity;
     double toolPath = 0.0, fastest = 0.0, excess = 0.0;  ///< excess: worst one over a joint limit
     std::vector<double> slowing;                         ///< gap to the nearest person when people begin to act [m]
     std::vector<double> tick_us;
@@ -198,7 +198,7 @@ private:
     }
 
     double calcGap(const PersonObservation& person) {
-        double least = std::numeric_limits<double>::infinity();
+        double least = kInfinity;
         for (std::size_t k = 0; k < geometry_.capsules.size(); ++k) {
             if (geometry_.capsules[k].carrier < 0) continue;
             for (int j = 0; j < person.count; ++j) {
@@ -213,7 +213,7 @@ private:
 
     double findNearest() {
         motion_.calcPose(state_.q, pose_);
-        double least = std::numeric_limits<double>::infinity();
+        double least = kInfinity;
         for (std::size_t p = 0; p < walkers_.people().size(); ++p) least = std::min(least, calcGap(seen_.people[p]));
         return least;
     }
@@ -286,7 +286,7 @@ private:
 };
 
 double findShare(std::vector<double> values, double share) {
-    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+    if (values.empty()) return kNan;
     const auto at = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
     std::nth_element(values.begin(), at, values.end());
     return *at;
@@ -296,7 +296,7 @@ double findShare(std::vector<double> values, double share) {
 struct Total {
     const char* name;
     std::int64_t runs = 0, withContact = 0, tooFast = 0, noChoice = 0, beyondLimits = 0, beyondTorque = 0, moving = 0;
-    double least = std::numeric_limits<double>::infinity(), path = 0.0, excess = 0.0;
+    double least = kInfinity, path = 0.0, excess = 0.0;
     std::vector<double> slowing = {}, tick_us = {};
 
     void add(const Outcome& o) {

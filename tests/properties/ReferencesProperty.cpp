@@ -126,8 +126,7 @@ private:
                 for (int i = 0; i < arm.n; ++i) target[i] = targets[i].at(t);
                 if (random.chance(0.01)) target[random.integer(0, arm.n - 1)] = kNan;
             }
-            const GuardedReference& next_ = isNew ? guard.step(target) : guard.step();
-            checkTick(guard, next_);
+            checkTick(guard, isNew ? guard.step(target) : guard.step());
         }
         if (guard.stopReason() != GuardStop::None) run_.fail(guard.stopMessage(), 0);
         run_.addSteps(std::int64_t(ticks) * arm.n);

@@ -238,9 +238,7 @@ class Plugins(unittest.TestCase):
             with mock.patch("sys.executable", executable):
                 self.assertEqual(self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.01")["exit_code"], 0)
         with mock.patch.dict(os.environ, VIABLE_PYTHON=""):
-            ended = subprocess.run([find_program(), "run", self.folder / "law.yaml", "--no-report"], capture_output=True, text=True,
-                                   cwd=self.folder)
-            self.assertEqual(ended.returncode, 0, ended.stderr)
+            self.call(0, "run", self.folder / "law.yaml", "--no-report")
 
     def test_isolated_it_gives_the_same(self):
         self.write(CONTROLLER)
@@ -311,12 +309,16 @@ class Plugins(unittest.TestCase):
                                  "law.py:2, in compute")
 
     def expect_failed_check(self, changes, *texts):
-        ended = subprocess.run([find_program(), "check", self.write_experiment(changes)], capture_output=True, text=True,
-                               cwd=self.folder)
-        self.assertEqual(ended.returncode, 4, ended.stderr)
+        told = self.call(4, "check", self.write_experiment(changes))
         for text in texts:
-            self.assertIn(text, ended.stderr)
-        self.assertNotIn("report", ended.stderr)
+            self.assertIn(text, told)
+        self.assertNotIn("report", told)
+
+    def call(self, code, *words, program=None, **more):
+        """The program ends with this exit code. Returns what it wrote to stderr."""
+        ended = subprocess.run([program or find_program(), *words], capture_output=True, text=True, cwd=self.folder, **more)
+        self.assertEqual(ended.returncode, code, ended.stderr)
+        return ended.stderr
 
     def test_the_word_of_a_class_is_none(self):
         self.write("import numpy as np\nclass Law:\n    follows = np.array(['joint', 'tool'])\n    def compute(self, a, b, c): pass\n")
@@ -334,11 +336,10 @@ class Plugins(unittest.TestCase):
     def test_live_refuses_it_with_the_reason(self):
         self.write(CONTROLLER)
         file = self.write_experiment(["controller: {plugin: law.py:Law}"])
-        ended = subprocess.run([find_program(), "live", file, "--duration", "1"], capture_output=True, text=True, cwd=self.folder)
-        self.assertEqual(ended.returncode, 2, ended.stderr)
+        told = self.call(2, "live", file, "--duration", "1")
         for text in ("a class in Python cannot drive an arm in real time", "330 ms at worst", "viable new controller NAME", "stream",
                      "law.yaml"):
-            self.assertIn(text, ended.stderr)
+            self.assertIn(text, told)
 
     def test_without_the_module_the_remedy_is_told(self):
         """The program alone, as the Debian package viable has it."""
@@ -351,10 +352,9 @@ class Plugins(unittest.TestCase):
         os.symlink(build.parent / "lib", root / "lib")
         self.write(CONTROLLER)
         file = self.write_experiment(["controller: {plugin: law.py:Law}"])
-        ended = subprocess.run([root / "bin/viable", "run", file], capture_output=True, text=True, cwd=self.folder)
-        self.assertEqual(ended.returncode, 2, ended.stderr)
+        told = self.call(2, "run", file, program=root / "bin/viable")
         for text in ("viable_python.so", "python3-viable", "Tried: "):
-            self.assertIn(text, ended.stderr)
+            self.assertIn(text, told)
 
     # --- what goes wrong in a tick
 
@@ -420,14 +420,10 @@ class Plugins(unittest.TestCase):
         self.write("class Law:\n    ticks = 0\n    def compute(self, command, nominal, dynamics):\n        self.ticks += 1\n"
                    "        while self.ticks > 20: pass\n        return dynamics.b\n")
         file = self.write_experiment(["controller: {plugin: law.py:Law}"])
-        ended = subprocess.run([find_program(), "run", file, "--no-report", "--watchdog", "1"], capture_output=True, text=True,
-                               cwd=self.folder, timeout=60)
-        self.assertEqual(ended.returncode, 4, ended.stderr)
-        self.assertIn("'Law'", ended.stderr)
-        self.assertIn("in tick 20", ended.stderr)
-        ended = subprocess.run([find_program(), "run", file, "--no-report", "--isolate", "--watchdog", "1", "--out", "isolated"],
-                               capture_output=True, text=True, cwd=self.folder, timeout=60)
-        self.assertEqual(ended.returncode, 4, ended.stderr)
+        told = self.call(4, "run", file, "--no-report", "--watchdog", "1", timeout=60)
+        self.assertIn("'Law'", told)
+        self.assertIn("in tick 20", told)
+        self.call(4, "run", file, "--no-report", "--isolate", "--watchdog", "1", "--out", "isolated", timeout=60)
         log = viable.Log(self.folder / "isolated/A.mcap")
         np.testing.assert_allclose(log.joint_array("nominal", "qd_radps")[-1], 0, atol=1e-3)
 

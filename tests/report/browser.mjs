@@ -20,7 +20,7 @@ if (!existsSync(EXECUTABLE)) {
   );
   process.exit(77);
 }
-export const ARGUMENTS = [
+const ARGUMENTS = [
   '--no-sandbox',
   '--enable-unsafe-swiftshader',
   '--use-gl=angle',
@@ -139,9 +139,7 @@ export async function runTests(
       if (!keepsPages) for (const context of browser.contexts()) await context.close();
     }
   }
-  console.log(
-    failed === 0 ? `100% of ${tests.length} tests passed` : `${failed} of ${tests.length} tests failed`,
-  );
+  console.log(failed === 0 ? `100% of ${tests.length} tests passed` : `${failed} of ${tests.length} tests failed`);
 }
 
 /** Closes the browser; the exit code tells whether all tests passed. */

@@ -9,24 +9,10 @@ import { join } from 'node:path';
 import { parseArgs } from 'node:util';
 import { gunzipSync, gzipSync } from 'node:zlib';
 import {
-  ARGUMENTS,
-  browser,
-  chromium,
-  colouredPixels,
-  contentOf,
-  eventually,
-  EXECUTABLE,
-  finish,
-  open as openPage,
-  replaced,
-  runTests,
-  variant,
+  browser, chromium, colouredPixels, contentOf, eventually, EXECUTABLE, finish, open as openPage, replaced, runTests, variant,
 } from './browser.mjs';
 
-const {
-  positionals: [reportPath],
-  values: options,
-} = parseArgs({
+const { positionals: [reportPath], values: options } = parseArgs({
   allowPositionals: true,
   options: {
     quick: { type: 'boolean', default: false },

@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import {
-  awaitRest, build, distance, holdArm, invite, limits, number, numbers, open, press, shoot, sleep, timesAfter, tool, wasHeldUp,
+  awaitRest, build, distance, holdArm, invite, limits, number, numbers, open, openArm, press, shoot, sleep, timesAfter, tool, wasHeldUp,
 } from './live_arm.mjs';
 
 const { eventually, finish, runTests } = await import('./browser.mjs'); // where its modules are is known now
@@ -90,12 +90,8 @@ const mm = (value) => `${(1000 * value).toFixed(2)} mm`;
 
 /** Turn of the tool about the base's vertical between two poses [rad], and about all else. */
 function turnBetween(a, b) {
-  const [w, , , z] = [
-    b[3] * a[3] + b[4] * a[4] + b[5] * a[5] + b[6] * a[6],
-    0,
-    0,
-    -b[3] * a[6] - b[4] * a[5] + b[5] * a[4] + b[6] * a[3],
-  ];
+  const w = b[3] * a[3] + b[4] * a[4] + b[5] * a[5] + b[6] * a[6];
+  const z = -b[3] * a[6] - b[4] * a[5] + b[5] * a[4] + b[6] * a[3];
   const all = 2 * Math.acos(Math.min(1, Math.abs(w)));
   const vertical = 2 * Math.asin(Math.max(-1, Math.min(1, z * Math.sign(w))));
   return { vertical, all };
@@ -387,8 +383,7 @@ test('headset: leaving it lets go, and from the other side the hand goes the oth
 
 test('headset: a closed connection is a hand that lets go, and when it is back the old press counts for nothing', {}, async () => {
   await leave();
-  const watcher = await open(await invite(page), { width: 400, height: 300 });
-  await watcher.waitForSelector('.stage[data-pictures]');
+  const watcher = await openArm(await invite(page), { width: 400, height: 300 });
   await watcher.evaluate(() => (window.viableLive.view.renderer.render = () => {})); // only its numbers are looked at
   await enter('VR');
   await page.evaluate(() => {
@@ -412,8 +407,7 @@ test('headset: a closed connection is a hand that lets go, and when it is back t
 
 test('phone: the tool turns as it does while a finger holds the pad', {}, async () => {
   if (await isPresenting()) await leave(); // a test before may have failed
-  const phone = await open(await invite(page), { width: 390, height: 844, hasTouch: true, isMobile: true });
-  await phone.waitForSelector('.stage[data-pictures]');
+  const phone = await openArm(await invite(page), { width: 390, height: 844, hasTouch: true, isMobile: true });
   await press(phone, 'Take over');
   await eventually(() => phone.evaluate(() => window.viableLive.link.isOperator), 'it operates');
   await press(phone, 'Turn it with this phone');

@@ -19,7 +19,7 @@ export const sleep = (ms) => new Promise((wait) => setTimeout(wait, ms));
 
 /** A live arm in a process of its own. */
 export class Arm {
-  #text = '';
+  text = '';
   #process;
 
   constructor(name, ...words) {
@@ -34,32 +34,21 @@ export class Arm {
       { env: { ...process.env, XDG_STATE_HOME: join(folder, 'state') }, stdio: ['ignore', 'pipe', 'pipe'] },
     );
     for (const stream of [this.#process.stdout, this.#process.stderr])
-      stream.on('data', (data) => {
-        this.#text += data;
-      });
-    this.ended = new Promise((resolve) => {
-      this.#process.on('exit', (code) => resolve(code));
-    });
+      stream.on('data', (data) => (this.text += data));
+    this.id = this.#process.pid;
+    this.ended = new Promise((resolve) => this.#process.on('exit', resolve));
     process.on('exit', () => this.#process.kill('SIGKILL'));
-  }
-
-  get id() {
-    return this.#process.pid;
-  }
-
-  get text() {
-    return this.#text;
   }
 
   /** Once it is held. */
   get isRealTime() {
-    return !/not real time/.test(this.#text);
+    return !/not real time/.test(this.text);
   }
 
   async address() {
-    await eventually(() => /page: (\S+)/.test(this.#text) || this.#process.exitCode !== null, 'the address of the page');
-    const found = this.#text.match(/page: (\S+)/);
-    assert.ok(found, this.#text);
+    await eventually(() => /page: (\S+)/.test(this.text) || this.#process.exitCode !== null, 'the address of the page');
+    const found = this.text.match(/page: (\S+)/);
+    assert.ok(found, this.text);
     return found[1];
   }
 }
@@ -127,6 +116,13 @@ export async function open(address, { width = 1280, height = 900, colorScheme = 
   });
   page.setDefaultTimeout(60_000);
   await page.goto(address);
+  return page;
+}
+
+/** The same, once it shows the arm. */
+export async function openArm(address, settings) {
+  const page = await open(address, settings);
+  await page.waitForSelector('.stage[data-pictures]');
   return page;
 }
 

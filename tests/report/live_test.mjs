@@ -7,7 +7,7 @@ import { spawnSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
 import {
-  Arm, TITLE, awaitRest, distance, drag, filterFrames, holdArm, invite, limits, more, number, numbers, open, press, program, projected, shoot, shots, sleep, timesAfter, tool, wasHeldUp,
+  Arm, TITLE, awaitRest, distance, drag, filterFrames, holdArm, invite, limits, more, number, numbers, open, openArm, press, program, projected, shoot, shots, sleep, timesAfter, tool, wasHeldUp,
 } from './live_arm.mjs';
 
 const { browser, eventually, finish, runTests } = await import('./browser.mjs'); // where its modules are is known now
@@ -182,8 +182,7 @@ test('a hidden page lets go', { tries: 3, isTimed: true }, async () => {
 
 test('a page that hangs is held after 100 ms and disengaged after 500 ms', { tries: 3, isTimed: true }, async () => {
   const address = await invite(page);
-  const watcher = await open(address, SMALL);
-  await watcher.waitForSelector('.stage[data-pictures]');
+  const watcher = await openArm(address, SMALL);
   await drag(page, 100, 0);
   await page.evaluate(() => {
     const { link } = window.viableLive;
@@ -273,8 +272,7 @@ test('a line that falls silent is told, and one that is slow', { tries: 3 }, asy
 });
 
 test('a fault of the page is told beside one of the line, and after it', {}, async () => {
-  const other = await open(await invite(page), SMALL);
-  await other.waitForSelector('.stage[data-pictures]');
+  const other = await openArm(await invite(page), SMALL);
   const told = () => other.textContent('#message');
   await other.evaluate(() => dispatchEvent(new ErrorEvent('error', { message: 'of a test' })));
   assert.match(await told(), /^A part of this page does not work: of a test$/);
@@ -286,8 +284,7 @@ test('a fault of the page is told beside one of the line, and after it', {}, asy
 });
 
 test('Stop and the state are in sight and in reach on all screens, wherever the page is, beside an invitation', {}, async () => {
-  const other = await open(await invite(page), { width: 390, height: 844, hasTouch: true });
-  await other.waitForSelector('.stage[data-pictures]');
+  const other = await openArm(await invite(page), { width: 390, height: 844, hasTouch: true });
   for (const [width, height] of [[390, 844], [360, 740], [400, 300], [568, 320], [900, 420], [680, 700], [1280, 900]]) {
     await other.setViewportSize({ width, height });
     await sleep(300);
@@ -363,20 +360,15 @@ test('a gamepad moves the tool while its shoulder is held', { tries: 3 }, async 
   });
   await sleep(300);
   assert.ok(distance(before, await tool(page)) < 1e-4, 'without the switch');
-  await page.evaluate(() => {
-    window.pad.buttons[5].pressed = true;
-  });
+  const pressShoulder = (isPressed) => page.evaluate((value) => (window.pad.buttons[5].pressed = value), isPressed);
+  await pressShoulder(true);
   await sleep(700);
-  await page.evaluate(() => {
-    window.pad.buttons[5].pressed = false;
-  });
+  await pressShoulder(false);
   await awaitRest(page);
   const after = await tool(page);
   assert.ok(after[2] - before[2] > 0.03, `${after[2] - before[2]}`);
   // Held all the while that the arm is held: it was pressed for something else.
-  await page.evaluate(() => {
-    window.pad.buttons[5].pressed = true;
-  });
+  await pressShoulder(true);
   await eventually(async () => (await number(page, 'hand')) === 1, 'engaged');
   await page.keyboard.press('Space');
   await eventually(async () => (await page.textContent('.pill')).startsWith('Armed'), 'armed');
@@ -390,14 +382,10 @@ test('a gamepad moves the tool while its shoulder is held', { tries: 3 }, async 
   await sleep(300);
   assert.notEqual(await number(page, 'hand'), 1);
   assert.ok(distance(held, await tool(page)) < 1e-4);
-  await page.evaluate(() => {
-    window.pad.buttons[5].pressed = false;
-  });
+  await pressShoulder(false);
   await sleep(200);
-  await page.evaluate(() => {
-    window.pad.axes[3] = 1;
-    window.pad.buttons[5].pressed = true;
-  });
+  await page.evaluate(() => (window.pad.axes[3] = 1));
+  await pressShoulder(true);
   await eventually(async () => held[2] - (await tool(page))[2] > 0.02, 'pressed anew it moves');
   await page.evaluate(() => {
     navigator.getGamepads = () => [];
@@ -519,8 +507,7 @@ test('far out of reach and against the table: limits act, none is passed', { tri
 });
 
 test('a second page watches, and takes over only when asked to', { tries: 3 }, async () => {
-  const second = await open(await invite(page));
-  await second.waitForSelector('.stage[data-pictures]');
+  const second = await openArm(await invite(page));
   assert.match(await second.textContent('.hand-note'), /You watch/);
   const before = await tool(second);
   await drag(second, 80, 0); // turns its view
@@ -568,8 +555,7 @@ test('phone and dark: nothing is wider than the screen', {}, async () => {
     ['dark', { colorScheme: 'dark' }],
     ['phone_dark', { width: 360, height: 740, colorScheme: 'dark', hasTouch: true }],
   ]) {
-    const other = await open(await invite(page), options);
-    await other.waitForSelector('.stage[data-pictures]');
+    const other = await openArm(await invite(page), options);
     const [width, inner] = await other.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
     assert.ok(width <= inner, `${name}: ${width} of ${inner} pixels`);
     if (shots) await sleep(1500);
@@ -582,8 +568,7 @@ test('phone and dark: nothing is wider than the screen', {}, async () => {
 test('a finger on a phone moves the tool', { tries: 3 }, async () => {
   const invitation = await invite(page);
   await withoutPage(async () => {
-    const phone = await open(invitation, { width: 390, height: 844, hasTouch: true });
-    await phone.waitForSelector('.stage[data-pictures]');
+    const phone = await openArm(invitation, { width: 390, height: 844, hasTouch: true });
     await operate(phone);
     await sleep(500);
     const before = await tool(phone);
@@ -614,8 +599,7 @@ test('a finger on a phone moves the tool', { tries: 3 }, async () => {
 
 test('Stop ends it within all limits, and the log replays to the bit', { isSmoke: true }, async () => {
   // Another page loses the line while the arm brakes.
-  const cut = await open(await invite(page), SMALL);
-  await cut.waitForSelector('.stage[data-pictures]');
+  const cut = await openArm(await invite(page), SMALL);
   await filterFrames(cut, 'moving');
   // All that it says, also while another page is looked at.
   await cut.evaluate(() => {
@@ -654,8 +638,7 @@ test('Stop ends it within all limits, and the log replays to the bit', { isSmoke
 
 test('a slider moves its joint while it is held, by mouse and by key', {}, async () => {
   const other = new Arm('joints', '--page', `127.0.0.1:${new URL(address).port}`);
-  const sliders = await open(await other.address());
-  await sliders.waitForSelector('.stage[data-pictures]');
+  const sliders = await openArm(await other.address());
   await press(sliders, 'Take control');
   await press(sliders, 'Start');
   await eventually(async () => (await sliders.textContent('.pill')) === 'Running', 'the arm runs');
@@ -693,8 +676,7 @@ test('where the arm touches something there is an arrow along the force, and new
   const points = [[0.5, 0, 0, 0, 0, 0, 0], [1.5, 0, -0.3, 0, 0, 0, 0]];
   const words = [`duration_s=60`, `command.points=${JSON.stringify(points)}`].flatMap((word) => ['--set', word]);
   const other = new Arm('unlimited', 'indy7_table.yaml', ...words);
-  const touching = await open(await other.address(), { width: 390, height: 844 });
-  await touching.waitForSelector('.stage[data-pictures]');
+  const touching = await openArm(await other.address(), { width: 390, height: 844 });
   const arrow = () => touching.evaluate(() => window.viableLive.view.arrow.root.visible);
   assert.equal(await arrow(), false);
   await press(touching, 'Start');

@@ -7,10 +7,7 @@ import { join } from 'node:path';
 import { parseArgs } from 'node:util';
 import { gzipSync } from 'node:zlib';
 
-const {
-  positionals: [template, target],
-  values: options,
-} = parseArgs({
+const { positionals: [template, target], values: options } = parseArgs({
   allowPositionals: true,
   options: {
     cases: { type: 'string', default: '3' },
@@ -197,13 +194,7 @@ const STYLES = [
   },
   { name: 'C3', verified: 'broken', environment: true, bound: true, touches: true },
   { name: 'C3_without_nric', robust: false },
-  {
-    name: 'broken',
-    filter: 'broken_plugin',
-    ok: false,
-    verdict: 'broke its guarantee at 0.6 of the run',
-    stopAt: 0.6,
-  },
+  { name: 'broken', filter: 'broken_plugin', ok: false, verdict: 'broke its guarantee at 0.6 of the run', stopAt: 0.6 },
   { name: 'soft', filter: 'tosbp', guarantees: false },
   { name: 'slow', robust: false },
   {
@@ -237,11 +228,7 @@ const BALL = {
   name: 'ball',
   type: 'moving_sphere',
   radius: 0.07,
-  waypoints: [
-    [0, 0.72, -0.5, 0.35],
-    [1.5, 0.72, 0.5, 0.45],
-    [3, 0.72, -0.5, 0.35],
-  ],
+  waypoints: [[0, 0.72, -0.5, 0.35], [1.5, 0.72, 0.5, 0.45], [3, 0.72, -0.5, 0.35]],
   repeats: true,
 };
 const OBSTACLES = [...SOLIDS.map(({ name }) => name), BALL.name, 'cell'];
@@ -268,11 +255,7 @@ function makeEnvironment() {
     edge_m: edge,
     centres: binary.add(Float32Array.from(centres)),
   };
-  return {
-    safety_distance_m: SAFETY_DISTANCE,
-    obstacles: [...SOLIDS, BALL, map],
-    note: '',
-  };
+  return { safety_distance_m: SAFETY_DISTANCE, obstacles: [...SOLIDS, BALL, map], note: '' };
 }
 
 /** What the joints of an arm at rest are nearest to of table and ball, per frame. */
@@ -291,10 +274,7 @@ function findNearest(rest, frames, step) {
       const onTable = point.map((value, k) =>
         Math.min(Math.max(value, table.xyz[k] - size[k] / 2), table.xyz[k] + size[k] / 2),
       );
-      for (const [obstacle, target, own] of [
-        [0, onTable, 0],
-        [SOLIDS.length, ball, BALL.radius],
-      ]) {
+      for (const [obstacle, target, own] of [[0, onTable, 0], [SOLIDS.length, ball, BALL.radius]]) {
         const way = target.map((value, k) => value - point[k]);
         const length = Math.hypot(...way);
         const at = (reach) => point.map((value, k) => value + (way[k] * reach) / length);

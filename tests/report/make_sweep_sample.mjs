@@ -6,10 +6,7 @@ import { parseArgs } from 'node:util';
 import { gzipSync } from 'node:zlib';
 
 const text = { type: 'string' };
-const {
-  positionals: [template, target],
-  values: options,
-} = parseArgs({
+const { positionals: [template, target], values: options } = parseArgs({
   allowPositionals: true,
   options: {
     runs: { ...text, default: '10000' },

@@ -9,10 +9,7 @@ import { fileURLToPath } from 'node:url';
 import { parseArgs } from 'node:util';
 import { colouredPixels, eventually, finish, folder, open, runTests } from './browser.mjs';
 
-const {
-  positionals: [template],
-  values: options,
-} = parseArgs({
+const { positionals: [template], values: options } = parseArgs({
   allowPositionals: true,
   options: { only: { type: 'string', default: '' }, screenshots: { type: 'string' } },
 });

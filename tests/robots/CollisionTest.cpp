@@ -97,9 +97,7 @@ TEST_P(CollisionFileTest, TheCapsulesContainWhatIsDrawn) {
             }
         }
     }
-    if (GetParam() == "panda" || GetParam() == "ur5e") {
-        EXPECT_GE(count, 7 * 600);
-    }
+    if (GetParam() == "panda" || GetParam() == "ur5e") EXPECT_GE(count, 7 * 600);
 }
 
 INSTANTIATE_TEST_SUITE_P(Robots, CollisionFileTest,

@@ -72,6 +72,22 @@ void expectToolOfTable(const RobotDescription& robot, RobotModel& model, const D
     }
 }
 
+/** The URDF's joint `i` and its link are the published ones, `joints` and `links` of a variant. @return the link */
+inline const nlohmann::json& expectPublishedJoint(const RobotDescription& robot, const nlohmann::json& variant, int i) {
+    const nlohmann::json &joint = variant["joints"][i], &link = variant["links"][i + 1];
+    EXPECT_EQ(robot.joints[i].name, joint["name"]);
+    EXPECT_EQ(robot.joints[i].childLink, link["name"]);
+    EXPECT_EQ(robot.limits.position.lower[i], joint["lower"].get<double>());
+    EXPECT_EQ(robot.limits.position.upper[i], joint["upper"].get<double>());
+    EXPECT_EQ(robot.limits.velocity.upper[i], joint["velocity"].get<double>());
+    EXPECT_EQ(robot.actuation.torqueLimit[i], joint["effort"].get<double>());
+    const BodyInertia& body = robot.joints[i].body;
+    EXPECT_EQ(body.mass, link["mass"].get<double>());
+    EXPECT_EQ(JointVector(body.com), toVector(link["com"]));
+    EXPECT_EQ(body.inertia, toTensor(link["inertia_com"])) << link["name"];
+    return link;
+}
+
 /** The tool poses that were collected for the arm, printed to 1e-8: `fk_checks` of its figures. */
 inline void expectCollectedToolPoses(const nlohmann::json& figures, RobotModel& model) {
     ASSERT_EQ(figures["fk_checks"].size(), 3u);

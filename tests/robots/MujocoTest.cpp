@@ -83,11 +83,9 @@ Difference compare(const RobotDescription& robot, MujocoModel& other) {
 }
 
 void print(const RobotDescription& robot, const char* what, const Difference& d) {
-    std::printf(
-        "  %s, %s, %d states, seed %llu: M %.1e, b %.1e, gravity %.1e, position %.1e, orientation "
-        "%.1e\n",
-        robot.name.c_str(), what, kStates, static_cast<unsigned long long>(kSeed), d.inertia, d.bias, d.gravity,
-        d.position, d.orientation);
+    std::printf("  %s, %s, %d states, seed %llu: M %.1e, b %.1e, gravity %.1e, position %.1e, orientation %.1e\n",
+                robot.name.c_str(), what, kStates, static_cast<unsigned long long>(kSeed), d.inertia, d.bias, d.gravity,
+                d.position, d.orientation);
 }
 
 /** Whether a wrong description differs from MuJoCo's, or is not even accepted (a product of inertia with the wrong sign may

@@ -15,8 +15,7 @@ inline PluginLoader makeTestLoader() {
 
 inline Experiment readTestExperiment(const std::string& yaml, const std::vector<std::string>& overrides = {}) {
     const TemporaryFolder folder;
-    const PluginLoader loader = makeTestLoader();
-    return readExperiment(folder.write("test.yaml", yaml), overrides, loader, {VIABLE_SOURCE_DIR "/robots"});
+    return readExperiment(folder.write("test.yaml", yaml), overrides, makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
 }
 
 /** One joint that is sent to and fro within its limits; keys can be overridden. */
@@ -66,13 +65,17 @@ real_plant: {plugin: simbody}
 cases: {A: {}}
 )";
 
+inline CaseResult runFirstCase(const std::string& yaml, const std::vector<std::string>& overrides = {},
+                               const RunOptions& options = {}) {
+    return runCase(configureCase(readTestExperiment(yaml, overrides).cases.front()), options);
+}
+
 /** The nominal arm of kTeleoperation alone, through the first case and to its end. */
 inline Summary runNominalArm(const std::vector<std::string>& overrides) {
     std::string file = kTeleoperation;
     const std::size_t real = file.find("robust_loop:");
     file.erase(real, file.find("cases:") - real);
-    const Experiment experiment = readTestExperiment(file, overrides);
-    const CaseResult result = runCase(configureCase(experiment.cases.front()), {});
+    const CaseResult result = runFirstCase(file, overrides);
     EXPECT_EQ(result.stopReason, StopReason::None) << result.stopMessage;
     return result.summary;
 }
@@ -109,8 +112,12 @@ void runUntilStopped(ControlLoop& loop, TickRecord& record, int most, const Chec
         ASSERT_LT(ticks, most);
     }
 }
-inline void runUntilStopped(ControlLoop& loop, TickRecord& record) {
+
+/** It stops for this reason, every record finite. */
+inline void expectStop(ControlLoop& loop, StopReason reason) {
+    TickRecord record;
     runUntilStopped(loop, record, 5000, [](const TickRecord&) {});
+    EXPECT_EQ(loop.stopReason(), reason);
 }
 
 }  // namespace viable::test

@@ -12,11 +12,8 @@
 
 namespace viable {
 
-/** For EXPECT_PRED_FORMAT2: `text` contains `part`. */
-inline ::testing::AssertionResult says(const char*, const char*, const std::string& text, const std::string& part) {
-    if (text.find(part) != std::string::npos) return ::testing::AssertionSuccess();
-    return ::testing::AssertionFailure() << "missing: " << part << "\nin: " << text;
-}
+using test::expectContains;
+using test::expectError;
 
 /** What a command source needs to be configured outside a run: a robot with three joints that has
 a name only, a start away from zero, and parameters from YAML text. */
@@ -62,6 +59,12 @@ private:
         return robot;
     }
     RobotDescription robot_;
+};
+
+/** A command source that a bench has configured. */
+template <class Source>
+struct Configured : Source {
+    Configured(const CommandBench& bench, const std::string& text) { bench.configure(*this, text); }
 };
 
 inline MotionCommand sampleAt(CommandSource& source, double t) {

@@ -25,4 +25,14 @@ std::string catchError(const Action& action, ErrorKind kind = ErrorKind::BadInpu
     return complaint;
 }
 
+/** What `action` complains about says all of this. */
+template <class Action>
+void expectError(const std::vector<std::string>& parts, ErrorKind kind, const Action& action) {
+    expectContains(catchError(action, kind), parts);
+}
+template <class Action>
+void expectError(const std::vector<std::string>& parts, const Action& action) {
+    expectError(parts, ErrorKind::BadInput, action);
+}
+
 }  // namespace viable::test

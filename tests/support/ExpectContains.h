@@ -5,6 +5,10 @@
 #include <string>
 #include <vector>
 
+/** A text says this. */
+#define EXPECT_CONTAINS(text, part) \
+    EXPECT_NE(std::string(text).find(part), std::string::npos) << "missing: " << (part) << "\nin: " << (text)
+
 namespace viable::test {
 
 /** A text says all of this. */

@@ -27,8 +27,7 @@ public:
     /** Configured and reset. */
     std::unique_ptr<Filter> make(const std::string& parameters = "") {
         auto filter = std::make_unique<Filter>();
-        filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, name_, parameters));
-        filter->reset(arm.start);
+        arm.configure(*filter, PluginKind::SafetyFilter, name_, parameters);
         return filter;
     }
 
@@ -154,13 +153,11 @@ long expectRatesHeldUnderRandomLimits(const std::string& name, unsigned seed, co
     long ticks = 0, infeasible = 0;
     for (unsigned k = 0; k < 200 && !::testing::Test::HasFailure(); ++k) {
         bench.drawLimits(random);
-        const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
-        const LawOutcome outcome = bench.push(parameters(bench.arm.limits), 20.0, size, k % 2 == 0, k);
+        const LawOutcome outcome =
+            bench.push(parameters(bench.arm.limits), 20.0, 3.0 * bench.arm.limits.acceleration.upper[0], k % 2 == 0, k);
         SCOPED_TRACE("limits " + std::to_string(k));
         EXPECT_LE(outcome.excess.jerk, 1e-9);
-        if (holdsAcceleration) {
-            EXPECT_LE(outcome.excess.acceleration, 1e-9);
-        }
+        if (holdsAcceleration) EXPECT_LE(outcome.excess.acceleration, 1e-9);
         EXPECT_EQ(outcome.allocations, 0);
         worst.position = std::max(worst.position, outcome.excess.position);
         worst.velocity = std::max(worst.velocity, outcome.excess.velocity);
@@ -193,15 +190,14 @@ void expectRatesHeldOnTheArm(const std::string& name, const std::string& paramet
 template <class Filter>
 void expectSameAsLibrary(const std::string& name, bool guarantees = false) {
     TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<SafetyFilter>(findPlugin(PluginKind::SafetyFilter, name));
+    const auto plugin = arm.load<SafetyFilter>(PluginKind::SafetyFilter, name);
     Filter own;
+    arm.configure(own, PluginKind::SafetyFilter, name);
     FilterDecision decisions[2];
     FilterStatus statuses[2];
     const Dynamics dynamics = arm.calcDynamics(arm.start);
     int k = 0;
     for (SafetyFilter* filter : {plugin.get(), static_cast<SafetyFilter*>(&own)}) {
-        filter->configure(arm.setup(), arm.read(PluginKind::SafetyFilter, name, ""));
-        filter->reset(arm.start);
         EXPECT_EQ(filter->traits().guarantees.hasJoints(), guarantees);
         EXPECT_EQ(filter->traits().guarantees.isEmpty(), !guarantees);
         EXPECT_FALSE(filter->traits().recovers);

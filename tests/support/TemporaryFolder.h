@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -39,6 +40,11 @@ public:
 private:
     std::filesystem::path path_;
 };
+
+inline std::string readFile(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+}
 
 /** The names in a folder, sorted. */
 inline std::vector<std::string> listNames(const std::filesystem::path& folder) {

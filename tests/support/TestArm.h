@@ -59,6 +59,19 @@ public:
         return readParameters(*root.find("plugin_block"), info.entry->parameters, info.entry->parameterCount, size());
     }
 
+    /** Configured by such parameters, and reset. */
+    void configure(Plugin& plugin, PluginKind kind, const std::string& name, const std::string& text = "") {
+        plugin.configure(setup(), read(kind, name, text));
+        plugin.reset(start);
+    }
+    /** The library's own object, likewise. */
+    template <class Interface>
+    PluginPtr<Interface> load(PluginKind kind, const std::string& name, const std::string& text = "") {
+        PluginPtr<Interface> plugin = PluginLoader::create<Interface>(findPlugin(kind, name));
+        configure(*plugin, kind, name, text);
+        return plugin;
+    }
+
     RobotDescription robot;
     JointLimits limits;
     double tick_s;
@@ -68,6 +81,8 @@ private:
     RobotModel model_;
 };
 
+using test::expectContains;
+using test::expectError;
 using test::findComplaint;
 
 /** The limits of the paper's teleoperation experiment (30), for the robot indy7. */
@@ -81,14 +96,18 @@ inline void setPaperLimits(TestArm& arm) {
     arm.limits.position = {arm.robot.home - range, arm.robot.home + range};
 }
 
-#define EXPECT_CONTAINS(text, part) \
-    EXPECT_NE(std::string(text).find(part), std::string::npos) << "the text is: " << (text)
-
 inline JointVector makeRandomVector(int n, double size, std::mt19937& random) {
     std::uniform_real_distribution<double> number(-size, size);
     JointVector v(n);
     for (int i = 0; i < n; ++i) v[i] = number(random);
     return v;
+}
+
+/** A state near the start of an arm: each number differs by up to these. */
+inline MotionState makeRandomState(const TestArm& arm, double q, double qd, double qdd, std::mt19937& random) {
+    const int n = arm.size();
+    return {arm.start.q + makeRandomVector(n, q, random), makeRandomVector(n, qd, random),
+            makeRandomVector(n, qdd, random)};
 }
 
 /** Dynamics of `n` unit masses that know nothing of each other: tau = qdd. */
@@ -99,6 +118,14 @@ inline Dynamics makeUnitDynamics(int n) {
     dynamics.gravity.setZero(n);
     dynamics.J.setZero(6, n);
     return dynamics;
+}
+
+/** Moves an arm through one tick of this jerk. */
+inline void advanceArm(MotionState& state, const JointVector& jerk, double tick_s) {
+    for (int i = 0; i < state.q.size(); ++i) {
+        const AxisState next = advance({state.q[i], state.qd[i], state.qdd[i]}, jerk[i], tick_s);
+        state.q[i] = next.p, state.qd[i] = next.v, state.qdd[i] = next.a;
+    }
 }
 
 /** The jerk of a decision for a tick that begins with the acceleration `qdd`. */
@@ -137,13 +164,13 @@ struct LimitExcess {
 private:
     // A NaN counts as infinitely far outside.
     static void keep(double& worst, double excess) {
-        if (std::isnan(excess)) worst = std::numeric_limits<double>::infinity();
+        if (std::isnan(excess)) worst = kInfinity;
         worst = std::max(worst, excess);
     }
     static void keepRelative(double& worst, double value, double lower, double upper) {
         if (std::isfinite(upper)) keep(worst, (value - upper) / std::max(1.0, upper));
         if (std::isfinite(lower)) keep(worst, (lower - value) / std::max(1.0, -lower));
-        if (!std::isfinite(value)) keep(worst, std::numeric_limits<double>::infinity());
+        if (!std::isfinite(value)) keep(worst, kInfinity);
     }
 };
 
@@ -204,10 +231,7 @@ public:
     JumpingSetPoint(TestArm& arm, double size)
         : home_(arm.robot.home),
           size_(size),
-          controller_(PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"))) {
-        controller_->configure(arm.setup(), arm.read(PluginKind::NominalController, "joint_pd", ""));
-        controller_->reset(arm.start);
-    }
+          controller_(arm.load<NominalController>(PluginKind::NominalController, "joint_pd")) {}
 
     JointVector next(const MotionState& nominal, const Dynamics& dynamics) {
         MotionCommand command;

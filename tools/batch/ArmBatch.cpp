@@ -7,6 +7,7 @@
 #include "core/ErrorParts.h"
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
+#include "experiment/CaseChecks.h"
 #include "filter/JointBraking.h"
 #include "filter/WholeArmBrakingFilter.h"
 #include "host/FloatingPointGuard.h"
@@ -15,7 +16,6 @@
 #include "robot/ArmRecursion.h"
 #include "tracking/ToolFollower.h"
 #include "viable/loop/NominalPlant.h"
-#include "viable/simulation/ArmHardware.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {
@@ -109,16 +109,6 @@ bool drive(RealArm& real, Scratch& s) {
     } catch (...) {  // a plugin's; it must not end the thread
         return false;
     }
-}
-
-void checkTold(int delayTicks, const JointVector& motorRate, int n, const std::string& plant) {
-    if (delayTicks < 0 || delayTicks > ArmHardware::kMaxDelay)
-        throw Error(ErrorKind::PluginFailed, plant, "gave a delay of " + std::to_string(delayTicks) + " ticks",
-                    "delayTicks is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
-    if (motorRate.size() != 0 && (motorRate.size() != n || !(motorRate.array() > 0.0).all()))
-        throw Error(ErrorKind::PluginFailed, plant,
-                    "gave a fastest change of the torque of the wrong size or not above 0",
-                    "motorRate has one number above 0 per joint, or none at all.");
 }
 
 /** Threads that are waited for, however the place where this stands is left. */
@@ -257,9 +247,9 @@ void ArmBatch::Impl::makePlants() {
         if (one->plant->traits().hasClock)
             throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
                            "Use a simulated one, such as simbody.");
-        one->setup.delayTicks = one->plant->traits().delayTicks;
-        const JointVector motorRate = one->plant->traits().motorRate;
-        checkTold(one->setup.delayTicks, motorRate, n, "the plant " + choice.plugin.name);
+        const PlantTraits told = one->plant->traits();
+        detail::checkTold(told, n, "the plant " + choice.plugin.name);
+        one->setup.delayTicks = told.delayTicks;
         auto found = loops.find(one->setup.delayTicks);
         if (found == loops.end()) {
             LinearErrorLoop scaled = scaleGains(robot, setup.limits, tick_s, one->setup.delayTicks);
@@ -269,10 +259,10 @@ void ArmBatch::Impl::makePlants() {
         const auto& [loop, sizes] = found->second;
         NricOptions nric{loop.kr, loop.kp, loop.ki};
         nric.inertiaRate = loop.inertiaRate;
-        if (motorRate.size() > 0) nric.motorRate = motorRate;
+        if (told.motorRate.size() > 0) nric.motorRate = told.motorRate;
         one->nric.configure(one->setup, nric);
         one->authority = detail::Authority(one->setup, sizes);
-        one->motorStep = motorRate * tick_s;
+        one->motorStep = told.motorRate * tick_s;
         real.push_back(std::move(one));
     }
     for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
@@ -653,10 +643,6 @@ std::vector<int> ArmBatch::findUnusable(const std::vector<int>& arms, const std:
     for (std::size_t i = 0; i < arms.size(); ++i)
         if (isUnusable[i]) found.push_back(static_cast<int>(i));
     return found;
-}
-
-void ArmBatch::changeLimits(int arm, const JointLimits& limits) {
-    changeLimits(std::vector<int>{arm}, {limits});
 }
 
 void ArmBatch::changeLimits(const std::vector<int>& arms, const std::vector<JointLimits>& limits) {

@@ -124,7 +124,7 @@ public:
 
     /** New limits of an arm from now on, approached as fast as jerk allows where its motion cannot meet them at once. Throws
     Error (BadInput) where they are not usable (see checkLimits). */
-    void changeLimits(int arm, const JointLimits& limits);
+    void changeLimits(int arm, const JointLimits& limits) { changeLimits(std::vector<int>{arm}, {limits}); }
     /** The same of several arms, one entry each; all or none. */
     void changeLimits(const std::vector<int>& arms, const std::vector<JointLimits>& limits);
 

@@ -51,40 +51,34 @@ bool awaitChange(std::atomic<std::uint32_t>& word, std::uint32_t old, int patien
 /** Two sockets on this machine that speak to each other only. */
 class UdpPair {
 public:
-    UdpPair() {
+    UdpPair() : UdpPair(-1) {  // from here on its destructor closes what is open when it fails
         std::array<sockaddr_in, 2> own{};
         for (std::size_t i = 0; i < 2; ++i) {
             ends_[i] = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-            if (ends_[i] < 0) fail("no UDP socket");
+            if (ends_[i] < 0) failWith("no UDP socket");
             own[i].sin_family = AF_INET;
             own[i].sin_addr.s_addr = htonl(INADDR_LOOPBACK);
             socklen_t length = sizeof own[i];
             auto* const address = reinterpret_cast<sockaddr*>(&own[i]);
             if (bind(ends_[i], address, length) != 0 || getsockname(ends_[i], address, &length) != 0)
-                fail("no UDP port on 127.0.0.1");
+                failWith("no UDP port on 127.0.0.1");
         }
         for (std::size_t i = 0; i < 2; ++i)
             if (connect(ends_[i], reinterpret_cast<sockaddr*>(&own[1 - i]), sizeof own[i]) != 0)
-                fail("no way from 127.0.0.1 to itself");
+                failWith("no way from 127.0.0.1 to itself");
     }
-    ~UdpPair() { closeAll(); }
+    ~UdpPair() {
+        for (const int end : ends_)
+            if (end >= 0) close(end);
+    }
     UdpPair(const UdpPair&) = delete;
     UdpPair& operator=(const UdpPair&) = delete;
     int near() const { return ends_[0]; }
     int far() const { return ends_[1]; }
 
 private:
-    [[noreturn]] void fail(const char* what) {
-        const int code = errno;
-        closeAll();
-        errno = code;
-        failWith(what);
-    }
-    void closeAll() {
-        for (const int end : ends_)
-            if (end >= 0) close(end);
-    }
-    std::array<int, 2> ends_{-1, -1};
+    explicit UdpPair(int none) : ends_{none, none} {}
+    std::array<int, 2> ends_;
 };
 
 using Packet = std::array<char, 512>;
@@ -93,21 +87,22 @@ using Packet = std::array<char, 512>;
 class Echoes {
 public:
     /** @param wish  of theirs; none where they are to have no priority */
-    explicit Echoes(const RealTimeWish* wish) : words_(detail::makeSharedObject<SharedWords>()) {
-        try {
-            start(wish, [this] { answerUdp(); });
-            start(wish, [this] { answerSharedMemory(); });
-            for (std::uint32_t ready; (ready = words_->ready.load()) < 2;)
-                if (!awaitChange(words_->ready, ready, 10'000)) {
-                    errno = ETIMEDOUT;
-                    failWith("the processes that are to answer did not start");
-                }
-        } catch (...) {
-            end();
-            throw;
+    explicit Echoes(const RealTimeWish* wish) : Echoes() {  // from here on its destructor ends those that have started
+        start(wish, [this] { answerUdp(); });
+        start(wish, [this] { answerSharedMemory(); });
+        for (std::uint32_t ready; (ready = words_->ready.load()) < 2;)
+            if (!awaitChange(words_->ready, ready, 10'000)) {
+                errno = ETIMEDOUT;
+                failWith("the processes that are to answer did not start");
+            }
+    }
+    ~Echoes() {
+        for (std::size_t i = 0; i < started_; ++i) {
+            kill(children_[i], SIGKILL);
+            while (waitpid(children_[i], nullptr, 0) < 0 && errno == EINTR) {
+            }
         }
     }
-    ~Echoes() { end(); }
     Echoes(const Echoes&) = delete;
     Echoes& operator=(const Echoes&) = delete;
 
@@ -135,6 +130,7 @@ public:
     }
 
 private:
+    Echoes() : words_(detail::makeSharedObject<SharedWords>()) {}
     template <class Answer>
     void start(const RealTimeWish* wish, Answer&& answer) {
         const pid_t child = detail::forkChild("that answers");
@@ -160,13 +156,6 @@ private:
             seen = words_->request.load(std::memory_order_acquire);
             words_->answer.store(seen, std::memory_order_release);
             wakeReader(words_->answer);
-        }
-    }
-    void end() {
-        for (std::size_t i = 0; i < started_; ++i) {
-            kill(children_[i], SIGKILL);
-            while (waitpid(children_[i], nullptr, 0) < 0 && errno == EINTR) {
-            }
         }
     }
 

@@ -80,8 +80,7 @@ double calcArmLength(const UrdfRobot& robot) {
     std::vector<double> length;
     double longest = 0.0;
     const auto measure = [&](int carrier, const Eigen::Isometry3d& placement) {
-        const double here =
-            carrier < 0 ? 0.0 : length[static_cast<std::size_t>(carrier)] + placement.translation().norm();
+        const double here = carrier < 0 ? 0.0 : length[carrier] + placement.translation().norm();
         longest = std::max(longest, here);
         return here;
     };

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "draft/CollisionDraft.h"
-#include "draft/UrdfRepair.h"
 
 namespace viable::detail {
 

@@ -69,6 +69,19 @@ double calcVolume(const DraftCapsule& c) {
     return EIGEN_PI * c.radius * c.radius * ((c.to - c.from).norm() + 4.0 / 3.0 * c.radius);
 }
 
+/** The smallest of some capsules. */
+struct Smallest {
+    DraftCapsule capsule;
+    double volume = kInfinity;
+
+    void offer(const DraftCapsule& other) {
+        const double otherVolume = calcVolume(other);
+        if (otherVolume >= volume) return;
+        volume = otherVolume;
+        capsule = other;
+    }
+};
+
 /** The smallest capsule found along `direction` that contains all points. */
 DraftCapsule fitAlong(const Vector3d& direction, const std::vector<Vector3d>& points) {
     constexpr int kRadii = 40;
@@ -81,8 +94,7 @@ DraftCapsule fitAlong(const Vector3d& direction, const std::vector<Vector3d>& po
     for (const Eigen::Vector2d& p : flat) narrowest2 = std::max(narrowest2, (p - centre).squaredNorm());
 
     // Wider ones may be shorter, because their caps are too.
-    DraftCapsule best;
-    double smallest = std::numeric_limits<double>::infinity();
+    Smallest smallest;
     for (int k = 0; k < kRadii; ++k) {
         const double radius = std::sqrt(narrowest2) * (1.0 + static_cast<double>(k) / kRadii);
         double first = std::numeric_limits<double>::infinity(), last = -first;
@@ -94,13 +106,9 @@ DraftCapsule fitAlong(const Vector3d& direction, const std::vector<Vector3d>& po
         }
         if (first > last) first = last = 0.5 * (first + last);  // a sphere holds them all
         const Vector3d foot = centre.x() * x + centre.y() * y;
-        const DraftCapsule capsule{foot + first * direction, foot + last * direction, radius};
-        const double volume = calcVolume(capsule);
-        if (volume >= smallest) continue;
-        smallest = volume;
-        best = capsule;
+        smallest.offer({foot + first * direction, foot + last * direction, radius});
     }
-    return best;
+    return smallest.capsule;
 }
 
 /** A small capsule that contains all points: along one of their principal axes or one of `axes`, or a ball. */
@@ -110,23 +118,16 @@ DraftCapsule fitCapsule(const std::vector<Vector3d>& points, const Eigen::Matrix
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
     for (const Vector3d& p : points) spread += (p - mean) * (p - mean).transpose();
     const Eigen::Matrix3d principal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors();
-    DraftCapsule best;
-    double smallest = std::numeric_limits<double>::infinity();
-    const auto consider = [&](const DraftCapsule& capsule) {
-        const double volume = calcVolume(capsule);
-        if (volume >= smallest) return;
-        smallest = volume;
-        best = capsule;
-    };
+    Smallest smallest;
     for (int k = 0; k < 3; ++k) {
-        consider(fitAlong(axes.col(k), points));
-        consider(fitAlong(principal.col(k).normalized(), points));
+        smallest.offer(fitAlong(axes.col(k), points));
+        smallest.offer(fitAlong(principal.col(k).normalized(), points));
     }
-    const Vector3d middle = 0.5 * (best.from + best.to);
+    const Vector3d middle = 0.5 * (smallest.capsule.from + smallest.capsule.to);
     double reach = kThinnest;
     for (const Vector3d& p : points) reach = std::max(reach, (p - middle).norm());
-    consider({middle, middle, reach});
-
+    smallest.offer({middle, middle, reach});
+    DraftCapsule& best = smallest.capsule;
     best.from = best.from.unaryExpr(&roundTo);
     best.to = best.to.unaryExpr(&roundTo);
     double radius = kThinnest;
@@ -251,6 +252,16 @@ std::vector<double> LinkDistances::calc(const JointVector& q) const {
     return distances;
 }
 
+std::vector<int> LinkDistances::countNear(const JointBounds& range, int poses, double distance) const {
+    std::vector<int> near(pairs_.size());
+    std::mt19937_64 random(kPoseSeed);
+    for (int pose = 0; pose < poses; ++pose) {
+        const std::vector<double> distances = calc(drawPose(range, random));
+        for (std::size_t k = 0; k < near.size(); ++k) near[k] += distances[k] < distance ? 1 : 0;
+    }
+    return near;
+}
+
 double LinkDistances::calcFrom(const Vector3d& point, const JointVector& q) const {
     const std::vector<std::vector<Placed>> placed = place(q);
     double nearest = kInfinity;
@@ -286,6 +297,11 @@ std::vector<DraftLink> draftLinks(const UrdfRobot& robot, const fs::path& folder
     return links;
 }
 
+bool hasContact(const RobotDraft& draft, const std::string& first, const std::string& second) {
+    return std::any_of(draft.contacts.begin(), draft.contacts.end(),
+                       [&](const DraftContact& contact) { return contact.first == first && contact.second == second; });
+}
+
 std::vector<DraftContact> draftContacts(const UrdfRobot& robot, const RobotDraft& draft,
                                         const LinkDistances& distances) {
     std::vector<DraftContact> contacts;
@@ -295,13 +311,7 @@ std::vector<DraftContact> draftContacts(const UrdfRobot& robot, const RobotDraft
                 areJoined(robot, draft.links[i].name, draft.links[j].name))
                 contacts.push_back({draft.links[i].name, draft.links[j].name, "next to each other"});
     if (distances.pairs().empty()) return contacts;
-    std::vector<int> nearPoses(distances.pairs().size());
-    const JointBounds range = makeDraftRange(draft.joints);
-    std::mt19937_64 random(kPoseSeed);
-    for (int pose = 0; pose < kPoses; ++pose) {
-        const std::vector<double> distance = distances.calc(drawPose(range, random));
-        for (std::size_t k = 0; k < distance.size(); ++k) nearPoses[k] += distance[k] < kNear ? 1 : 0;
-    }
+    const std::vector<int> nearPoses = distances.countNear(makeDraftRange(draft.joints), kPoses, kNear);
     for (std::size_t k = 0; k < nearPoses.size(); ++k) {
         const double share = static_cast<double>(nearPoses[k]) / kPoses;
         const auto& [first, second] = distances.pairs()[k];
@@ -314,11 +324,6 @@ std::vector<DraftContact> draftContacts(const UrdfRobot& robot, const RobotDraft
 }
 
 std::vector<DraftContact> draftHomeContacts(const RobotDraft& draft, const LinkDistances& distances) {
-    const auto isKnown = [&](const std::string& first, const std::string& second) {
-        return std::any_of(draft.contacts.begin(), draft.contacts.end(), [&](const DraftContact& contact) {
-            return contact.first == first && contact.second == second;
-        });
-    };
     JointVector home(draft.joints.size());
     for (int i = 0; i < home.size(); ++i) home[i] = draft.joints[static_cast<std::size_t>(i)].home;
     const std::vector<double> distance = distances.calc(home);
@@ -326,7 +331,7 @@ std::vector<DraftContact> draftHomeContacts(const RobotDraft& draft, const LinkD
     for (std::size_t k = 0; k < distance.size(); ++k) {
         const std::string& first = draft.links[distances.pairs()[k].first].name;
         const std::string& second = draft.links[distances.pairs()[k].second].name;
-        if (!(distance[k] < kNear) || isKnown(first, second)) continue;
+        if (!(distance[k] < kNear) || hasContact(draft, first, second)) continue;
         const std::string size = format("%.0f mm", 1e3 * std::abs(distance[k]));
         contacts.push_back(
             {first, second,

@@ -19,6 +19,8 @@ public:
     const std::vector<std::pair<std::size_t, std::size_t>>& pairs() const { return pairs_; }
     /** Of each pair, at a pose; below zero where their capsules overlap. [m] */
     std::vector<double> calc(const JointVector& q) const;
+    /** For each pair in how many of so many random poses in the range it is nearer than that [m]. */
+    std::vector<int> countNear(const JointBounds& range, int poses, double distance) const;
     /** Of a point from the nearest capsule that a joint moves; infinite where there is none. [m] */
     double calcFrom(const Eigen::Vector3d& point, const JointVector& q) const;
 
@@ -46,6 +48,8 @@ JointBounds makeDraftRange(const std::vector<DraftJoint>& joints);
 /** @param folder  that of the URDF, an absolute path: where the meshes are looked for, and in the package around it */
 std::vector<DraftLink> draftLinks(const UrdfRobot& robot, const std::filesystem::path& folder);
 
+/** Whether these two, in this order, are among the draft's contacts. */
+bool hasContact(const RobotDraft& draft, const std::string& first, const std::string& second);
 /** Links next to each other, and those nearly always near within the limits. */
 std::vector<DraftContact> draftContacts(const UrdfRobot& robot, const RobotDraft& draft,
                                         const LinkDistances& distances);

@@ -3,7 +3,6 @@
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstdlib>
 
@@ -71,12 +70,7 @@ double roundOff(double value) {
 }
 
 /** Words in the names of links that stand for a tool. */
-bool namesTool(std::string name) {
-    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
-    for (const char* word : {"tool", "tcp", "effector", "flange", "ee_link"})
-        if (name.find(word) != std::string::npos) return true;
-    return false;
-}
+constexpr std::initializer_list<const char*> kToolWords = {"tool", "tcp", "effector", "flange", "ee_link"};
 
 /** The pseudoinverse, without directions in which the tool hardly moves. */
 Eigen::MatrixXd invert(const Eigen::MatrixXd& J) {
@@ -99,14 +93,19 @@ public:
         chooseTool();
         fill(&DraftJoint::velocity, "velocity limits", "1 rad/s or 0.25 m/s where the URDF has none",
              [](const DraftJoint& joint) { return joint.type == JointType::Prismatic ? kSliding : kTurning; });
-        fillPositions();
+        fill(&DraftJoint::positionLower, "position limits",
+             "half a turn or 1 m to either side where the URDF has no range", [](DraftJoint& joint) {
+                 joint.positionUpper = getFreeReach(joint.type);
+                 joint.home = 0.0;
+                 return -joint.positionUpper;
+             });
         sampleArm();
         assumeMotors();
         chooseHome();
     }
 
 private:
-    DraftJoint& joint(int i) { return draft_.joints[static_cast<std::size_t>(i)]; }
+    DraftJoint& joint(int i) { return draft_.joints[i]; }
     void note(const std::string& figure, const std::string& rule) { draft_.assumptions.push_back({figure, rule}); }
 
     template <class Make>
@@ -120,26 +119,12 @@ private:
         if (isFilled) note(figure, rule);
     }
 
-    void fillPositions() {
-        bool isFilled = false;
-        for (DraftJoint& joint : draft_.joints) {
-            if (!std::isnan(joint.positionLower)) continue;
-            joint.positionUpper = getFreeReach(joint.type);
-            joint.positionLower = -joint.positionUpper;
-            joint.home = 0.0;
-            isFilled = true;
-        }
-        if (isFilled) note("position limits", "half a turn or 1 m to either side where the URDF has no range");
-    }
-
     void chooseTool() {
         if (draft_.tool.empty()) {
             int most = -1;
             for (const std::string& link : draft_.toolLinks) {
-                int count = namesTool(link) ? 1 : 0;  // of ends that as many joints move
-                for (int i = robot_.links.at(link).carrier; i >= 0;
-                     i = robot_.joints[static_cast<std::size_t>(i)].parent)
-                    count += 2;
+                int count = holdsWord(link, kToolWords) ? 1 : 0;  // of ends that as many joints move
+                for (int i = robot_.links.at(link).carrier; i >= 0; i = robot_.joints[i].parent) count += 2;
                 if (count <= most) continue;
                 most = count;
                 draft_.tool = link;
@@ -186,8 +171,7 @@ private:
             gravity_ = gravity_.cwiseMax(torque.cwiseAbs());
             inertia_ = inertia_.cwiseMax(M.diagonal());
             recursion_.calcFrames(q, frames);
-            draft_.task.reach = std::max(
-                draft_.task.reach, (placeTool(frames) - frames.origin[static_cast<std::size_t>(toolRoot_)]).norm());
+            draft_.task.reach = std::max(draft_.task.reach, (placeTool(frames) - frames.origin[toolRoot_]).norm());
         }
         draft_.task.reach = roundOff(draft_.task.reach);
         inertia_ = inertia_.cwiseMax(kLeastInertiaShare * inertia_.maxCoeff());
@@ -240,7 +224,7 @@ private:
         const JointVector rest = JointVector::Zero(n_);
         recursion_.calcTorque(q, rest, rest, torque);
         for (int i = 0; i < n_; ++i)
-            if (std::abs(torque[i]) > kMotorShare * draft_.joints[static_cast<std::size_t>(i)].effort) return -1.0;
+            if (std::abs(torque[i]) > kMotorShare * draft_.joints[i].effort) return -1.0;
         const std::vector<double> distance = distances_.calc(q);
         for (std::size_t k = 0; k < distance.size(); ++k)
             if (distance[k] < gap_[k]) return -1.0;
@@ -259,12 +243,12 @@ private:
         Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows, n_);
         for (int i = 0; i < n_; ++i) {
             if (!recursion_.moves(i, toolParent_)) continue;
-            const Eigen::Vector3d& axis = frames.axis[static_cast<std::size_t>(i)];
+            const Eigen::Vector3d& axis = frames.axis[i];
             if (recursion_.isPrismatic(i)) {
                 J.col(i).head<3>() = axis;
                 continue;
             }
-            J.col(i).head<3>() = axis.cross(tool - frames.origin[static_cast<std::size_t>(i)]);
+            J.col(i).head<3>() = axis.cross(tool - frames.origin[i]);
             if (rows == 6) J.col(i).tail<3>() = kLeverShare * draft_.task.reach * axis;
         }
         return J;
@@ -296,7 +280,7 @@ private:
             for (const double size : {-1.0, 1.0}) {
                 const JointVector there = q + size * (row < 3 ? way : turn) * inverse.col(row);
                 for (int i = 0; i < n_; ++i) {
-                    const DraftJoint& joint = draft_.joints[static_cast<std::size_t>(i)];
+                    const DraftJoint& joint = draft_.joints[i];
                     if (there[i] < joint.positionLower || there[i] > joint.positionUpper) return -1.0;
                 }
                 nearest = std::min(nearest, calcNearest(there));
@@ -317,20 +301,11 @@ private:
 
     /** Links that may touch need no gap; links that the joints hardly part, such as a wrist and a finger, need a small one. */
     void setGaps(const JointBounds& range) {
-        std::vector<int> nearPoses(distances_.pairs().size());
         const double apart = std::min(kApart, kApartShare * draft_.task.reach), least = std::min(apart, kNear);
-        std::mt19937_64 random(kReachSeed);
-        for (int pose = 0; pose < kGapPoses; ++pose) {
-            const std::vector<double> distance = distances_.calc(drawPose(range, random));
-            for (std::size_t k = 0; k < distance.size(); ++k) nearPoses[k] += distance[k] < apart ? 1 : 0;
-        }
+        const std::vector<int> nearPoses = distances_.countNear(range, kGapPoses, apart);
         for (std::size_t k = 0; k < nearPoses.size(); ++k) {
             const auto& [first, second] = distances_.pairs()[k];
-            const bool mayTouch =
-                std::any_of(draft_.contacts.begin(), draft_.contacts.end(),
-                            [&, a = first, b = second](const DraftContact& contact) {
-                                return contact.first == draft_.links[a].name && contact.second == draft_.links[b].name;
-                            });
+            const bool mayTouch = hasContact(draft_, draft_.links[first].name, draft_.links[second].name);
             gap_.push_back(mayTouch ? -kInfinity : nearPoses[k] > kGapPoses / 2 ? least : apart);
         }
     }
@@ -376,8 +351,7 @@ private:
         if (!isRoomy && highest > 0.0)
             draft_.warnings.push_back(
                 "there is no home pose around which the tool can be led everywhere without bringing links near each "
-                "other: "
-                "hand.yaml may do so");
+                "other: hand.yaml may do so");
         if (highest < 0.0)
             draft_.warnings.push_back(
                 format("none of %d poses is one to begin at: in each, motors do not hold the arm or links "
@@ -398,8 +372,7 @@ private:
                 }
             for (int i = 0; i < n_; ++i) joint(i).home = best[i];
             note("home_rad", format("of %d poses that the motors hold, where no links touch and the hand has room, the "
-                                    "one from which the tool "
-                                    "can best move in every direction",
+                                    "one from which the tool can best move in every direction",
                                     kReachPoses));
             drafted = best;
         }
@@ -416,7 +389,7 @@ private:
         Eigen::VectorXd way = Eigen::VectorXd::Constant(J.rows(), kLongWay * DraftTask::kHandShare * draft_.task.reach);
         if (J.rows() == 6) way.tail<3>().setConstant(kLongTurn * kLeverShare * draft_.task.reach);
         for (int i = 0; i < n_; ++i) {
-            const DraftJoint& joint = draft_.joints[static_cast<std::size_t>(i)];
+            const DraftJoint& joint = draft_.joints[i];
             const double size = inverse.row(i).transpose().cwiseProduct(way).norm();
             draft_.task.fastest = std::max({draft_.task.fastest, 1.875 * size / (kHandLimitShare * joint.velocity),
                                             std::sqrt(5.774 * size / (kHandLimitShare * joint.acceleration)),
@@ -433,7 +406,7 @@ private:
         recursion_.calcFrames(home, frames);
         const Eigen::Vector3d tool = placeTool(frames);
         if (!(task.reach > 0.0) || !std::isfinite(distances_.calcFrom(tool, home))) return;
-        const Eigen::Vector3d ahead = tool - frames.origin[static_cast<std::size_t>(toolRoot_)];
+        const Eigen::Vector3d ahead = tool - frames.origin[toolRoot_];
         Eigen::Index first = 0;
         ahead.head<2>().cwiseAbs().maxCoeff(&first);
         const double radius = kBallShare * task.reach, free = radius + kGapShare * task.reach + kNear;

@@ -69,26 +69,21 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<s
                            "; taken the other way round.");
         std::swap(joint.positionLower, joint.positionUpper);
     }
-    if (!(joint.positionLower < joint.positionUpper)) {
-        blank("its position limits are " + range + ", which leaves no range", "position_rad");
+    const double farthest = std::max(-joint.positionLower, joint.positionUpper);
+    const double width = joint.positionUpper - joint.positionLower;
+    const char* fault = nullptr;
+    if (!(joint.positionLower < joint.positionUpper))
+        fault = ", which leaves no range";
+    else if (isAngle && joint.type != JointType::Continuous && farthest > kLargestAngle_rad)
+        fault = ", more than two turns; URDF takes radians, and these are perhaps degrees";
+    else if (!isAngle && farthest > kLongestSlide)
+        fault = " m, longer than any slide; URDF takes metres, and these are perhaps millimetres";
+    if (fault) {
+        blank("its position limits are " + range + fault, "position_rad");
         joint.positionLower = joint.positionUpper = kNan;
-    } else if (isAngle && joint.type != JointType::Continuous &&
-               std::max(-joint.positionLower, joint.positionUpper) > kLargestAngle_rad) {
-        blank("its position limits are " + range +
-                  ", more than two turns; URDF takes radians, and these are perhaps degrees",
-              "position_rad");
-        joint.positionLower = joint.positionUpper = kNan;
-    } else if (!isAngle && std::max(-joint.positionLower, joint.positionUpper) > kLongestSlide) {
-        blank("its position limits are " + range +
-                  " m, longer than any slide; URDF takes metres, and these are perhaps "
-                  "millimetres",
-              "position_rad");
-        joint.positionLower = joint.positionUpper = kNan;
-    } else if (!(joint.positionLower < 0.0 && joint.positionUpper > 0.0) ||
-               std::min(-joint.positionLower, joint.positionUpper) <
-                   kHomeMargin * (joint.positionUpper - joint.positionLower)) {
-        if (std::isfinite(joint.positionUpper - joint.positionLower))
-            joint.home = 0.5 * (joint.positionLower + joint.positionUpper);
+    } else if (std::isfinite(width) && (!(joint.positionLower < 0.0 && joint.positionUpper > 0.0) ||
+                                        std::min(-joint.positionLower, joint.positionUpper) < kHomeMargin * width)) {
+        joint.home = 0.5 * (joint.positionLower + joint.positionUpper);
     }
     if (!(joint.velocity > 0.0) || !std::isfinite(joint.velocity)) {
         blank(joint.velocity > 0.0 ? "it has no velocity limit"

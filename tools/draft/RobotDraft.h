@@ -1,8 +1,6 @@
 #pragma once
 
 #include "draft/UrdfRepair.h"
-#include "viable/core/Numbers.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

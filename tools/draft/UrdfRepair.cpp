@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "core/Text.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable::detail {
 
@@ -23,13 +22,7 @@ constexpr double kThinShare = 0.01;
 constexpr int kMostFollowed = 16;
 
 /** Words in the names of joints that open and close something. */
-constexpr const char* kGripperWords[] = {"finger", "gripper", "jaw", "knuckle", "claw", "thumb"};
-
-bool namesGripper(std::string name) {
-    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
-    return std::any_of(std::begin(kGripperWords), std::end(kGripperWords),
-                       [&](const char* word) { return name.find(word) != std::string::npos; });
-}
+constexpr std::initializer_list<const char*> kGripperWords = {"finger", "gripper", "jaw", "knuckle", "claw", "thumb"};
 
 /** Names for a message, not all of a large robot's. */
 std::string listSome(std::vector<std::string> names) {
@@ -114,8 +107,8 @@ public:
     }
 
 private:
-    UrdfTree::Joint& joint(int j) { return tree_.joints[static_cast<std::size_t>(j)]; }
-    const UrdfTree::Link& link(int i) const { return tree_.links[static_cast<std::size_t>(i)]; }
+    UrdfTree::Joint& joint(int j) { return tree_.joints[j]; }
+    const UrdfTree::Link& link(int i) const { return tree_.links[i]; }
     std::string place(const UrdfTree::Joint& joint) const { return document_.place(*joint.element); }
     void note(const XmlElement& element, const std::string& text) {
         repairs_.notes.push_back(document_.place(element) + ": " + text);
@@ -149,20 +142,18 @@ private:
         if (base >= 0) {
             below_.assign(tree_.joints.size(), false);
             std::vector<bool> isBelow(tree_.links.size());
-            isBelow[static_cast<std::size_t>(base)] = true;
+            isBelow[base] = true;
             for (const int j : tree_.outwards)
-                if (isBelow[static_cast<std::size_t>(joint(j).parentLink)])
-                    below_[static_cast<std::size_t>(j)] = isBelow[static_cast<std::size_t>(joint(j).childLink)] = true;
-            if (tip >= 0 && !isBelow[static_cast<std::size_t>(tip)])
+                if (isBelow[joint(j).parentLink]) below_[j] = isBelow[joint(j).childLink] = true;
+            if (tip >= 0 && !isBelow[tip])
                 errors_.add(
                     "--tip", "link " + quoteName(choice_.tip) + " does not hang on the base " + quoteName(choice_.base),
                     "Name a base on the way to the tip" +
                         std::string(onTip_.empty() ? "."
                                                    : ", such as " + quoteName(joint(onTip_.back()).parent) + "."));
         }
-        if (tip >= 0 && std::none_of(onTip_.begin(), onTip_.end(), [&](int j) {
-                return joint(j).isMoving && (below_.empty() || below_[static_cast<std::size_t>(j)]);
-            }))
+        if (tip >= 0 && std::none_of(onTip_.begin(), onTip_.end(),
+                                     [&](int j) { return joint(j).isMoving && (below_.empty() || below_[j]); }))
             errors_.add("--tip", "no joint moves link " + quoteName(choice_.tip), "Name a link at the end of the arm.");
         for (const std::string& text : choice_.fixed) readPlace(text, "--fix");
         for (const std::string& text : choice_.at) readPlace(text, "--at");
@@ -172,7 +163,7 @@ private:
         if (tip >= 0) repairs_.tip = link(tip).name;
         onTip_ = tip < 0 ? std::vector<int>{} : tree_.listJointsAbove(tip);
         isOnTip_.assign(tree_.joints.size(), false);
-        for (const int j : onTip_) isOnTip_[static_cast<std::size_t>(j)] = true;
+        for (const int j : onTip_) isOnTip_[j] = true;
     }
 
     /** The end of the longest arm there is, and all else frozen. */
@@ -243,7 +234,7 @@ private:
     middle of a range that does not hold zero. Nothing where its <mimic>, or one of those that it follows, leads nowhere. */
     std::optional<double> findRest(int j, int followed) const {
         if (const auto place = places_.find(j); place != places_.end()) return place->second;
-        const UrdfTree::Joint& at = tree_.joints[static_cast<std::size_t>(j)];
+        const UrdfTree::Joint& at = tree_.joints[j];
         if (const XmlElement* mimic = at.element->FirstChildElement("mimic")) {
             const int leader = findJoint(getAttribute(mimic, "joint"));
             if (leader < 0 || followed == kMostFollowed) return {};
@@ -320,7 +311,7 @@ private:
                  "joint " + quoteName(joint.name) + " is frozen at " + formatNumber(getRest(joint)) + ": " + why);
     }
 
-    bool isOnChain(int j) const { return isOnTip_[static_cast<std::size_t>(j)]; }
+    bool isOnChain(int j) const { return isOnTip_[j]; }
 
     void freezeOutsideOfChain() {
         std::vector<std::string> frozen;
@@ -356,11 +347,10 @@ private:
         for (auto at = tree_.outwards.rbegin(); at != tree_.outwards.rend(); ++at) {
             const int j = *at;
             moving += joint(j).isMoving ? 1 : 0;
-            const bool isEnd = joint(j).isMoving && !beyond[static_cast<std::size_t>(j)] && isFree(j);
+            const bool isEnd = joint(j).isMoving && !beyond[j] && isFree(j);
             if (isEnd) ends.push_back(j);
             const int before = link(joint(j).parentLink).carrier;
-            if (before >= 0 && ((joint(j).isMoving && !isEnd) || beyond[static_cast<std::size_t>(j)]))
-                beyond[static_cast<std::size_t>(before)] = true;
+            if (before >= 0 && ((joint(j).isMoving && !isEnd) || beyond[j])) beyond[before] = true;
         }
         if (static_cast<int>(ends.size()) == moving) return;
         for (const int j : ends) freezeAndNote(joint(j), explain(j));
@@ -391,12 +381,15 @@ private:
     void freezeGrippers() {
         const std::size_t prefix = findCommonPrefix();
         const auto isLed = [&](int j) { return leaders_.count(j) > 0; };
-        freezeEnds([&](int j) { return !isOnChain(j) && (isLed(j) || namesGripper(joint(j).name.substr(prefix))); },
-                   [&](int j) {
-                       return std::string(isLed(j) ? "it ends the arm and others mimic it, as the joint of a gripper"
-                                                   : "it ends the arm and is named as the joint of a gripper") +
-                              " (to move it: --tip " + joint(j).child + ")";
-                   });
+        freezeEnds(
+            [&](int j) {
+                return !isOnChain(j) && (isLed(j) || holdsWord(joint(j).name.substr(prefix), kGripperWords));
+            },
+            [&](int j) {
+                return std::string(isLed(j) ? "it ends the arm and others mimic it, as the joint of a gripper"
+                                            : "it ends the arm and is named as the joint of a gripper") +
+                       " (to move it: --tip " + joint(j).child + ")";
+            });
     }
 
     void freezeWeightless() {
@@ -410,8 +403,7 @@ private:
                 hasMass[i] = true;
         }
         const std::vector<bool> carries = tree_.findCarried(hasMass);
-        freezeEnds([&](int j) { return !carries[static_cast<std::size_t>(j)]; },
-                   [](int) { return "nothing that it moves has a mass"; });
+        freezeEnds([&](int j) { return !carries[j]; }, [](int) { return "nothing that it moves has a mass"; });
     }
 
     void addLimits(const UrdfTree::Joint& joint) {
@@ -519,7 +511,7 @@ private:
         }
         const std::vector<bool> carries = tree_.findCarried(hasMass);
         for (const int j : tree_.outwards) {
-            if (!joint(j).isMoving || carries[static_cast<std::size_t>(j)]) continue;
+            if (!joint(j).isMoving || carries[j]) continue;
             const UrdfTree::Link& bare = link(joint(j).childLink);
             writeBody(*bare.element, {1.0, Eigen::Vector3d::Zero(), 1e-3 * Eigen::Matrix3d::Identity()});
             markAssumed(*bare.element, "mass");
@@ -546,6 +538,12 @@ private:
 };
 
 }  // namespace
+
+bool holdsWord(std::string name, std::initializer_list<const char*> words) {
+    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
+    return std::any_of(words.begin(), words.end(),
+                       [&](const char* word) { return name.find(word) != std::string::npos; });
+}
 
 void markAssumed(XmlElement& element, const std::string& what) {
     std::string text = getAttribute(&element, kAssumed);

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <map>
-#include <string>
-#include <vector>
-
 #include "core/ErrorList.h"
 #include "robot/urdf/UrdfDocument.h"
 #include "viable/robot/RobotDescription.h"
@@ -43,6 +39,9 @@ checkUrdfElements().
 @param assumes  bodies that are missing, or that no body is, are assumed, and the base is fixed
 @param errors  of checkUrdfTree(): of an unsound tree no chain is chosen. Gets what cannot be chosen so */
 UrdfRepairs repairUrdf(UrdfDocument& document, const UrdfChoice& choice, bool assumes, ErrorList& errors);
+
+/** Whether a name, in small letters, holds one of these words. */
+bool holdsWord(std::string name, std::initializer_list<const char*> words);
 
 /** Says at a joint or a link what of it nobody gave, such as "mass"; runs repeat it. */
 void markAssumed(XmlElement& element, const std::string& what);

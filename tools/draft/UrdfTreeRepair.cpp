@@ -1,10 +1,8 @@
 #include <algorithm>
 #include <cctype>
-#include <set>
 
 #include "core/Text.h"
 #include "draft/UrdfRepair.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 
@@ -133,7 +131,7 @@ private:
                                        [&, at = name](const std::string& link) {
                                            if (!isSlip(at, link)) return true;
                                            for (const int j : tree.listJointsAbove(tree.find.at(link)))
-                                               if (tree.joints[static_cast<std::size_t>(j)].parent == at) return true;
+                                               if (tree.joints[j].parent == at) return true;
                                            return false;  // else it would be inside of itself
                                        }),
                         known.end());
@@ -175,9 +173,8 @@ private:
         for (std::size_t i = 0; i < tree.links.size(); ++i)
             if (tree.links[i].carrier < 0) sizes[base[i] = static_cast<int>(i)].second = 1;
         for (const int j : tree.outwards) {
-            const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(j)];
-            const int at = base[static_cast<std::size_t>(joint.childLink)] =
-                base[static_cast<std::size_t>(joint.parentLink)];
+            const UrdfTree::Joint& joint = tree.joints[j];
+            const int at = base[joint.childLink] = base[joint.parentLink];
             sizes[at].first += joint.isMoving ? 1 : 0;
             ++sizes[at].second;
         }
@@ -185,7 +182,7 @@ private:
         const auto largest = std::max_element(sizes.begin(), sizes.end(),
                                               [](const auto& a, const auto& b) { return a.second < b.second; });
         const auto isLost = [&](int link) {
-            const int at = link < 0 ? -1 : base[static_cast<std::size_t>(link)];
+            const int at = link < 0 ? -1 : base[link];
             return at >= 0 && at != largest->first && sizes[at].first == 0;
         };
         std::vector<XmlElement*> lost;

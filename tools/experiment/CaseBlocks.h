@@ -1,6 +1,5 @@
 #pragma once
 
-#include "experiment/CasePlan.h"
 #include "experiment/ExperimentKeys.h"
 
 // The blocks of a case, each with a reader, and a writer of what its resolved file says in its place. A reader throws

@@ -23,10 +23,9 @@ JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const 
         const double range = bounds.upper[i] - bounds.lower[i];
         if (2.0 * margin[i] < range) continue;
         throw badInput(place,
-                       std::string("hold_on: real leaves the nominal ") +
-                           robot.joints[static_cast<std::size_t>(i)].name + " no " + quantity + ": its limits are " +
-                           formatNumber(range) + " " + unit + " apart and the tracking bound takes " +
-                           format("%.4g", 2.0 * margin[i]) + " " + unit,
+                       std::string("hold_on: real leaves the nominal ") + robot.joints[i].name + " no " + quantity +
+                           ": its limits are " + formatNumber(range) + " " + unit +
+                           " apart and the tracking bound takes " + format("%.4g", 2.0 * margin[i]) + " " + unit,
                        "`viable bound` shows what the bound consists of: widen the limits, raise the gains of "
                        "the robust loop or state a smaller disturbance_set.");
     }

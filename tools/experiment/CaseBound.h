@@ -2,7 +2,6 @@
 
 #include "experiment/CasePlan.h"
 #include "tracking/TrackingBound.h"
-#include "viable/plugin/RobustLoop.h"
 
 namespace viable::detail {
 

@@ -4,6 +4,7 @@
 
 #include "core/Text.h"
 #include "experiment/CaseBlocks.h"
+#include "viable/simulation/ArmHardware.h"
 
 namespace viable::detail {
 
@@ -37,13 +38,25 @@ void checkHoldsOnBound(const CasePlan& plan, bool mayHave) {
                        "State a disturbance_set and use the robust loop nric.");
 }
 
+void checkTold(const PlantTraits& plant, int joints, const std::string& title) {
+    const int ticks = plant.delayTicks;
+    if (ticks < 0 || ticks > ArmHardware::kMaxDelay)
+        throw Error(ErrorKind::PluginFailed, title, "gave a delay of " + std::to_string(ticks) + " ticks",
+                    "delayTicks is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
+    const JointVector& rate = plant.motorRate;
+    if (rate.size() != 0 && (rate.size() != joints || !(rate.array() > 0.0).all()))
+        throw Error(ErrorKind::PluginFailed, title,
+                    "gave a fastest change of the torque of the wrong size or not above 0",
+                    "motorRate has one number above 0 per joint, or none at all.");
+}
+
 void checkStartsAtRest(const CasePlan& plan) {
     for (int i = 0; i < plan.robot.size(); ++i)
         if (plan.start.qd[i] != 0.0 || plan.start.qdd[i] != 0.0)
-            throw badInput(plan.startPlace,
-                           "the tracking bound is for arms that start at rest, and " +
-                               plan.robot.joints[static_cast<std::size_t>(i)].name + " does not",
-                           "Start at rest, or remove the disturbance_set.");
+            throw badInput(
+                plan.startPlace,
+                "the tracking bound is for arms that start at rest, and " + plan.robot.joints[i].name + " does not",
+                "Start at rest, or remove the disturbance_set.");
 }
 
 void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, const LinearErrorLoop& loop,
@@ -53,10 +66,8 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
         for (int i = 0; i < plan.robot.size(); ++i) {
             if (std::isinf(given[i]) || factor * given[i] >= needed[i]) continue;
             throw badInput(plan.robustLoop->parameters.resolved().place(),
-                           "with " + formatNumber(given[i]) + " " + unit + " at " +
-                               plan.robot.joints[static_cast<std::size_t>(i)].name + " as " + what +
-                               " the tracking bound does not hold: within the disturbance_set it "
-                               "takes up to " +
+                           "with " + formatNumber(given[i]) + " " + unit + " at " + plan.robot.joints[i].name + " as " +
+                               what + " the tracking bound does not hold: within the disturbance_set it takes up to " +
                                format("%.4g", needed[i] / factor) + " " + unit,
                            "Raise it, leave it out, or remove the disturbance_set.");
         }
@@ -67,8 +78,7 @@ void checkBoundAssumptions(const CasePlan& plan, const TrackingBound& bound, con
         throw badInput(plan.robustLoop->parameters.resolved().place(),
                        "no tracking bound covers a limited change of the motor's whole torque",
                        "Leave `motor_rate_Nmps` of robust loop and plant out, limit the robust loop's share by "
-                       "`torque_rate_Nmps`, or remove the "
-                       "disturbance_set.");
+                       "`torque_rate_Nmps`, or remove the disturbance_set.");
     if (encoder == Encoder::Exact)
         throw badInput(plan.realPlant->parameters.resolved().place(),
                        "the tracking bound is for encoders that tell positions in counts, and velocities as their "
@@ -85,8 +95,7 @@ void checkMotors(const CasePlan& plan, const TrackingBound& bound) {
     for (int i = 0; i < plan.robot.size(); ++i) {
         if (bound.lastingTorque[i] <= bound.motorTorque[i]) continue;
         throw badInput(plan.disturbances->resolved().place(),
-                       "the motor of " + plan.robot.joints[static_cast<std::size_t>(i)].name + " gives " +
-                           format("%.4g", bound.motorTorque[i]) +
+                       "the motor of " + plan.robot.joints[i].name + " gives " + format("%.4g", bound.motorTorque[i]) +
                            " Nm; motion within the limits and these disturbances need up to " +
                            format("%.4g", bound.lastingTorque[i]) + " Nm, so the real arm cannot follow",
                        "`viable bound` shows what asks for it: state smaller disturbances, or lower the limits of "

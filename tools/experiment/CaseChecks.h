@@ -2,10 +2,6 @@
 
 #include "experiment/CasePlan.h"
 #include "tracking/TrackingBound.h"
-#include "viable/plugin/CommandSource.h"
-#include "viable/plugin/NominalController.h"
-#include "viable/plugin/RealPlant.h"
-#include "viable/plugin/RobustLoop.h"
 #include "viable/tracking/LoopStability.h"
 
 // What the blocks of a case make of each other. Each throws Error (BadInput) at the place to be changed.
@@ -23,6 +19,8 @@ void checkHoldsOnBound(const CasePlan& plan, bool mayHave);
 
 // --- once the plugins are configured
 
+/** A plant's delay and rate are ones that there can be; else Error (PluginFailed). @param title  the plant's */
+void checkTold(const PlantTraits& plant, int joints, const std::string& title);
 /** The sampled loop is stable on this arm, or its block accepts that it is not. Its margins are remembered.
 @param loop  finite, gains at least 0 */
 LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, int delayTicks);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "experiment/ConfiguredCase.h"
-#include "loop/Authority.h"
 
 namespace viable {
 

@@ -3,11 +3,8 @@
 #include <set>
 
 #include "host/PluginLoader.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/config/Settings.h"
 #include "viable/environment/Environment.h"
 #include "viable/robot/ArmGeometry.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

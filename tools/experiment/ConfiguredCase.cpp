@@ -12,7 +12,6 @@
 #include "host/WatchedLimit.h"
 #include "limits/LimitRows.h"
 #include "tracking/InertiaSample.h"
-#include "viable/simulation/ArmHardware.h"
 
 namespace viable {
 
@@ -125,18 +124,6 @@ JointVector combineRates(const JointVector& one, const JointVector& other) {
     return rate.array().isInf().all() ? JointVector() : rate;
 }
 
-void checkMotorRate(const JointVector& rate, int n, const std::string& title) {
-    if (rate.size() == 0 || (rate.size() == n && (rate.array() > 0.0).all())) return;
-    throw Error(ErrorKind::PluginFailed, title, "gave a fastest change of the torque of the wrong size or not above 0",
-                "motorRate has one number above 0 per joint, or none at all.");
-}
-
-void checkDelay(int ticks, const std::string& title) {
-    if (ticks >= 0 && ticks <= ArmHardware::kMaxDelay) return;
-    throw Error(ErrorKind::PluginFailed, title, "gave a delay of " + std::to_string(ticks) + " ticks",
-                "delayTicks is from 0 to " + std::to_string(ArmHardware::kMaxDelay) + ".");
-}
-
 void addSurroundings(ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
     if (!plan.environment) return;
@@ -195,9 +182,8 @@ std::unique_ptr<ConfiguredCase> configureTracking(const CasePlan& plan, const Is
         LoopPlugins& plugins = configured->plugins;
         plugins.realPlant = maker.makeWatched<RealPlant>(*plan.realPlant);
         const PlantTraits plant = plugins.realPlant->traits();
-        checkDelay(plant.delayTicks, configured->watches.back()->title);
+        detail::checkTold(plant, plan.robot.size(), configured->watches.back()->title);
         configured->realSetup.delayTicks = configured->setup.delayTicks = plant.delayTicks;
-        checkMotorRate(plant.motorRate, plan.robot.size(), configured->watches.back()->title);
         configured->realSetup.motorRate = configured->setup.motorRate = combineRates(plant.motorRate, {});
         plugins.robustLoop = maker.makeWatched<RobustLoop>(*plan.robustLoop);
         const std::optional<LinearErrorLoop> loop = plugins.robustLoop->traits().errorLoop;

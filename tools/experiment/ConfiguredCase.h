@@ -2,9 +2,7 @@
 
 #include "experiment/CasePlan.h"
 #include "loop/ControlLoop.h"
-#include "tracking/TrackingBound.h"
 #include "viable/environment/Surroundings.h"
-#include "viable/limits/ArmLimit.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {

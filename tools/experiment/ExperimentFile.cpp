@@ -7,6 +7,7 @@
 #include "core/Text.h"
 #include "experiment/CaseReader.h"
 #include "experiment/ExperimentKeys.h"
+#include "experiment/ResolvedNodes.h"
 
 namespace viable {
 
@@ -133,10 +134,7 @@ Experiment readExperiment(const ConfigNode& root, const std::filesystem::path& f
             throw badInput(cases.place(), "cases must be a map with at least one case",
                            "Write for example `cases: {mine: {filter: {plugin: tosbp}}}`.");
     }
-    ConfigNode shared = root;
-    shared.entries.erase(std::remove_if(shared.entries.begin(), shared.entries.end(),
-                                        [](const auto& entry) { return entry.first == "cases"; }),
-                         shared.entries.end());
+    const ConfigNode shared = detail::dropEntry(root, "cases");
     const std::vector<std::string> lacking = listLacking(root);
     detail::ErrorList errors;
     checkUse(shared, *root.find("cases"), errors);

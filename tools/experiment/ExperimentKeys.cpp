@@ -34,12 +34,10 @@ struct ExperimentSettings {
         v(start, "start", "State at the start.");
         v(environment, "environment",
           "The surroundings of the arm. With them, even empty ({}), the arm is also checked against itself; the robot "
-          "needs a "
-          "collision.yaml.");
+          "needs a collision.yaml.");
         v(speedLimits, "speed_limits",
           "Largest speeds of the arm's points, over those of the robot's limits.yaml; \"no limit\" is .inf, `regions: "
-          "{}` no "
-          "region. whole_arm_braking keeps them; arm_mps and regions need a collision.yaml.");
+          "{}` no region. whole_arm_braking keeps them; arm_mps and regions need a collision.yaml.");
         v(command, "command", "What is asked for.").required();
         v(stream, "stream",
           "The command comes in samples over a line, which may be slow and lossy; without it every tick has its "
@@ -50,12 +48,10 @@ struct ExperimentSettings {
         v(realPlant, "real_plant", "The real arm; only with robust_loop.");
         v(disturbances, "disturbance_set",
           "Disturbances of the real arm that the nominal one does not have. They give a bound on the tracking error; a "
-          "run "
-          "trips when it is passed. Needs the robust loop nric.");
+          "run trips when it is passed. Needs the robust loop nric.");
         v(ignoresExternalTorque, "external_torque", "to_nominal|ignored",
           "What the surroundings put on the real arm, as it measures it: moves the nominal arm, too, or is left to the "
-          "robust "
-          "loop; only with real_plant.");
+          "robust loop; only with real_plant.");
         v(missedTicks, "missed_ticks", "Ticks in which the computer is too late.");
         v(cases, "cases", "What differs; everything at the top is shared by all cases.").required();
     }

@@ -4,18 +4,11 @@
 #include "experiment/CasePlan.h"
 #include "simulation/CommandStream.h"
 #include "tracking/TrackingBound.h"
-#include "viable/config/Settings.h"
-#include "viable/plugin/PluginExport.h"
-#include "viable/robot/SpeedLimits.h"
 
 namespace viable::detail {
 
 /** More filters in a row than anyone needs. */
 inline constexpr std::size_t kMaxFilters = 16;
-
-inline const ParameterSpec& acceptUnstable() {
-    return settingsOf<RobustLoopSettings>().back();
-}
 
 struct PayloadSettings {
     double mass_kg = 0.0;
@@ -43,8 +36,7 @@ struct LimitSettings {
         v(allowsLargeAngles, "allow_large_angles", "Position limits beyond 4 pi are intended, not degrees.");
         v(holdsOnReal, "hold_on", "nominal|real",
           "real: position and velocity limits are those of the real arm; the nominal one gets them tighter by the "
-          "tracking "
-          "bound of the disturbance_set.");
+          "tracking bound of the disturbance_set.");
     }
 };
 

@@ -57,13 +57,8 @@ Json makePluginBlock(PluginKind kind, const std::vector<PluginInfo>& plugins) {
             {{"type", "string"},
              {"pattern", R"(\.py:[^0-9\W]\w*$)"},
              {"description", "FILE.py:CLASS, a class in Python, relative to this file; not for viable live."}});
-    for (auto& [name, variants] : anyones.items()) {
-        const Json single = variants.front();
-        if (variants.size() == 1)
-            variants = single;
-        else
-            variants = Json{{"anyOf", Json(variants)}};
-    }
+    for (auto& [name, variants] : anyones.items())
+        variants = variants.size() == 1 ? Json(variants.front()) : Json{{"anyOf", Json(variants)}};
     rules.push_back({{"if", {{"not", {{"required", {"plugin"}}}}}},
                      {"then", {{"properties", anyones}, {"additionalProperties", false}}}});
     return {{"type", "object"}, {"properties", {{"plugin", {{"anyOf", names}}}}}, {"allOf", rules}};

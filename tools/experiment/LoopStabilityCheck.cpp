@@ -4,13 +4,9 @@
 #include "core/Memo.h"
 #include "core/Text.h"
 #include "experiment/CaseChecks.h"
-#include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
 #include "robot/RobotKey.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
-#include "viable/tracking/LoopStability.h"
 
 namespace viable::detail {
 
@@ -122,9 +118,10 @@ LoopMargins checkStability(const CasePlan& plan, const LinearErrorLoop& loop, in
                    "the robust loop is unstable on this arm at a tick of " + formatNumber(plan.tick_s) + " s" +
                        (delayTicks > 0 ? " and a delay of " + std::to_string(delayTicks) + " ticks" : "") + ": " +
                        CauseFinder(plan, loop, delayTicks, samples).find(),
-                   std::string("Nric: leave the gains out (`auto`)") + ", or take constant ones such as " +
+                   "Nric: leave the gains out (`auto`), or take constant ones such as " +
                        formatGains(scaleConstantGains(plan.robot, plan.limits, plan.tick_s, delayTicks)) +
-                       ". To run it all the same: `" + std::string(acceptUnstable().name) + ": true` in this block.");
+                       ". To run it all the same: `" + settingsOf<RobustLoopSettings>().back().name +
+                       ": true` in this block.");
 }
 
 }  // namespace viable::detail

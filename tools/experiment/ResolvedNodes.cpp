@@ -1,5 +1,6 @@
 #include "experiment/ResolvedNodes.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/Text.h"
@@ -31,6 +32,12 @@ ConfigNode makeMap(std::vector<std::pair<std::string, ConfigNode>> entries) {
     node.kind = ConfigNode::Kind::Map;
     node.entries = std::move(entries);
     return node;
+}
+
+ConfigNode dropEntry(ConfigNode map, const std::string& key) {
+    const auto isIt = [&](const auto& entry) { return entry.first == key; };
+    map.entries.erase(std::remove_if(map.entries.begin(), map.entries.end(), isIt), map.entries.end());
+    return map;
 }
 
 ConfigNode makeBounds(const JointBounds& bounds) {

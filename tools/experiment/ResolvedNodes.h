@@ -11,6 +11,8 @@ ConfigNode makeScalar(const std::string& text, bool quoted = false);
 ConfigNode makeNumber(double value);
 ConfigNode makeList(const JointVector& values);
 ConfigNode makeMap(std::vector<std::pair<std::string, ConfigNode>> entries);
+/** A map without one of its entries. */
+ConfigNode dropEntry(ConfigNode map, const std::string& key);
 /** `{lower: [...], upper: [...]}` */
 ConfigNode makeBounds(const JointBounds& bounds);
 

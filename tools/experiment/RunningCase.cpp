@@ -62,12 +62,6 @@ bool isOthersGuarantee(const FilterChain* chain, StopReason reason) {
            chain->answerable() != static_cast<std::size_t>(chain->guaranteeing());
 }
 
-std::string formatTime(double seconds) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.4f s", seconds);
-    return text;
-}
-
 LogLayout makeLayout(const ConfiguredCase& configured, bool isLive) {
     const CasePlan& plan = configured.plan;
     return {plan.robot.jointNames(),
@@ -164,21 +158,15 @@ CaseResult makeResult(const ConfiguredCase& configured) {
 }
 
 std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescription& robot) {
-    struct Arm {
-        explicit Arm(const RobotDescription& r) : recursion(r), parent(r.toolParent), placement(r.toolPlacement) {}
-        const ArmRecursion recursion;
+    return [recursion = std::make_shared<const ArmRecursion>(robot), parent = robot.toolParent,
+            placement = robot.toolPlacement](const JointVector& q) {
         ArmRecursion::Frames frames;
-        const int parent;
-        const Eigen::Isometry3d placement;
-    };
-    const auto arm = std::make_shared<Arm>(robot);
-    return [arm](const JointVector& q) {
-        arm->recursion.calcFrames(q, arm->frames);
-        Eigen::Isometry3d pose = arm->placement;
-        if (arm->parent >= 0) {
-            const auto at = static_cast<std::size_t>(arm->parent);
-            pose.linear() = arm->frames.rotation[at] * arm->placement.linear();
-            pose.translation() = arm->frames.origin[at] + arm->frames.rotation[at] * arm->placement.translation();
+        recursion->calcFrames(q, frames);
+        Eigen::Isometry3d pose = placement;
+        if (parent >= 0) {
+            const auto at = static_cast<std::size_t>(parent);
+            pose.linear() = frames.rotation[at] * placement.linear();
+            pose.translation() = frames.origin[at] + frames.rotation[at] * placement.translation();
         }
         return Pose{pose.translation(), Eigen::Quaterniond(pose.linear())};
     };
@@ -217,8 +205,6 @@ RunningCase::RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseL
     memory_MB_ = readMemory_MB();
 }
 
-RunningCase::~RunningCase() = default;
-
 void RunningCase::showPeople() {
     if (!configured_->people) return;
     observeWalks(configured_->people->people(), loop_->time(), seen_);
@@ -253,7 +239,7 @@ CaseResult RunningCase::finish(bool isAlone) {
     result_.simulated_s = loop_->time();
     result_.stopReason = loop_->stopReason();
     result_.stopTime_s = loop_->stopTime();
-    const std::string when = "stopped at " + formatTime(result_.stopTime_s) + " (tick " +
+    const std::string when = "stopped at " + detail::format("%.4f s", result_.stopTime_s) + " (tick " +
                              std::to_string(std::llround(result_.stopTime_s / plan().tick_s)) + ")";
     if (result_.stopReason == StopReason::Requested || result_.stopReason == StopReason::TicksMissed ||
         result_.stopReason == StopReason::TrackingLost || result_.stopReason == StopReason::NotFollowing) {
@@ -280,7 +266,7 @@ CaseResult RunningCase::finish(bool isAlone) {
     }
     if (brakingTicks_ >= mostBraking_ && !loop_->hasStopped())
         result_.stopMessage += "; it was still braking after " +
-                               formatTime(static_cast<double>(brakingTicks_) * plan().tick_s) +
+                               detail::format("%.4f s", static_cast<double>(brakingTicks_) * plan().tick_s) +
                                ", which is no stop any more, and the run ended";
     loop_.reset();  // some plugins have a last word
     if (recorder_) {

@@ -31,7 +31,6 @@ public:
     /** Resets the plugins, which opens a hardware plant, and then creates the log. Throws Error.
     @param judgesSlowly  limits whose judge takes longer than a tick may are counted, too */
     RunningCase(std::unique_ptr<ConfiguredCase> configured, const CaseLog& log, bool judgesSlowly);
-    ~RunningCase();
 
     const CasePlan& plan() const { return configured_->plan; }
     const ConfiguredCase& configured() const { return *configured_; }

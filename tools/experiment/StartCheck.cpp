@@ -17,25 +17,11 @@ constexpr double kPathResolution = 1.0 / 16.0;
 constexpr const char* kRecoveryRemedy =
     "or use the filter certified_braking with `recovery: true`, which recovers from such a start.";
 
-/** The key of a quantity in the file's `start`, and what stands there without it. */
-struct StartKey {
-    const char *key, *otherwise;
-};
-
-StartKey getStartKey(LimitKind kind) {
-    switch (kind) {
-        case LimitKind::Velocity:
-            return {"velocity_radps", "0 is taken"};
-        case LimitKind::Acceleration:
-            return {"acceleration_radps2", "0 is taken"};
-        default:
-            return {"position_rad", "the robot's home pose is taken"};
-    }
-}
-
 /** Refuses a start outside a limit. */
 void checkInside(const CasePlan& plan, const JointLimits& limits) {
-    const auto check = [&](LimitKind kind, const JointVector& value, const JointBounds& bounds) {
+    // `otherwise`: what stands there without the key of the file's `start`.
+    const auto check = [&](LimitKind kind, const JointVector& value, const JointBounds& bounds, const char* key,
+                           const char* otherwise) {
         for (int i = 0; i < plan.robot.size(); ++i) {
             const bool below = value[i] < bounds.lower[i];
             if (!below && value[i] <= bounds.upper[i]) continue;
@@ -45,14 +31,13 @@ void checkInside(const CasePlan& plan, const JointLimits& limits) {
                                plan.robot.joints[i].name + " is " + formatNumber(value[i]) + " " +
                                getUnit(kind, plan.robot.slides(i)) + ", outside its " + (below ? "lower" : "upper") +
                                " limit " + formatNumber(bound) + " by " + formatNumber(std::abs(value[i] - bound)),
-                           std::string("Start inside the limits (`start: {") + getStartKey(kind).key +
-                               ": [...]}`; without it " + getStartKey(kind).otherwise + "), widen the limits, " +
-                               kRecoveryRemedy);
+                           std::string("Start inside the limits (`start: {") + key + ": [...]}`; without it " +
+                               otherwise + "), widen the limits, " + kRecoveryRemedy);
         }
     };
-    check(LimitKind::Position, plan.start.q, limits.position);
-    check(LimitKind::Velocity, plan.start.qd, limits.velocity);
-    check(LimitKind::Acceleration, plan.start.qdd, limits.acceleration);
+    check(LimitKind::Position, plan.start.q, limits.position, "position_rad", "the robot's home pose is taken");
+    check(LimitKind::Velocity, plan.start.qd, limits.velocity, "velocity_radps", "0 is taken");
+    check(LimitKind::Acceleration, plan.start.qdd, limits.acceleration, "acceleration_radps2", "0 is taken");
 }
 
 /** Refuses a start inside the limits whose fastest stop leaves them. */

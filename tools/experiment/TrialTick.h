@@ -1,7 +1,6 @@
 #pragma once
 
 #include "host/PluginCall.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -2,8 +2,6 @@
 
 #include "config/ConfigText.h"
 #include "core/Text.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

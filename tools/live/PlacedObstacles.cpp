@@ -84,8 +84,7 @@ std::optional<PlacedObstacles::One> readOne(const json& message) {
 
 std::optional<PlacedObstacles::One> PlacedObstacles::read(const std::string& message) {
     if (message.size() > kLongestMessage) return {};
-    const json parsed = json::parse(message, nullptr, false);
-    return parsed.is_discarded() ? std::nullopt : readOne(parsed);
+    return readOne(json::parse(message, nullptr, false));
 }
 
 std::vector<std::string> PlacedObstacles::listNames() {

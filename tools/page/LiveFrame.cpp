@@ -98,17 +98,14 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     out.add("rest_q", rest, n, n);
     out.add("limit", limit, n, n);
     const JointLimits& limits = record.limits;
-    const struct {
-        const char* name;
-        const JointBounds& bounds;
-    } all[] = {{"position", limits.position},
-               {"velocity", limits.velocity},
-               {"acceleration", limits.acceleration},
-               {"jerk_limit", limits.jerk}};
-    for (const auto& [name, bounds] : all) {
-        addJoints((std::string(name) + "_lower").c_str(), bounds.lower);
-        addJoints((std::string(name) + "_upper").c_str(), bounds.upper);
-    }
+    const auto addBounds = [&](const std::string& name, const JointBounds& bounds) {
+        addJoints((name + "_lower").c_str(), bounds.lower);
+        addJoints((name + "_upper").c_str(), bounds.upper);
+    };
+    addBounds("position", limits.position);
+    addBounds("velocity", limits.velocity);
+    addBounds("acceleration", limits.acceleration);
+    addBounds("jerk_limit", limits.jerk);
 }
 
 }  // namespace

@@ -219,23 +219,9 @@ public:
     /** Lets run() send close frames, and end within kClosing_s. */
     void stop();
     std::string makeAddress(const std::string& owner = {});
-    std::string watchAddress() const {
-        return options_.channels ? "wss://" + publicAuthorities_.front() + kWatch + watchSecret_ : "";
-    }
-    void stream(const TickRecord& record);
-    const std::vector<std::string>& publicAuthorities() const { return publicAuthorities_; }
-    unsigned short port() const { return port_; }
-    void show(std::string frame) {
-        asio::post(io_, [this, shared = std::make_shared<const std::string>(std::move(frame))] { sendFrame(shared); });
-    }
-    void broadcast(const std::string& kind, std::string message) {
-        asio::post(io_, [this, kind, shared = std::make_shared<const std::string>(std::move(message))] {
-            known_[kind] = shared;
-            sendText(shared);
-        });
-    }
 
 private:
+    friend class PageServer;
     using Text = std::shared_ptr<const std::string>;
     class Connection;
     class Viewer;
@@ -816,13 +802,6 @@ bool PageServer::Impl::admit(std::string_view secret, std::string& session, Toke
     return true;
 }
 
-void PageServer::Impl::stream(const TickRecord& record) {
-    if (server_.counts_.watchers == 0) return;
-    asio::post(io_, [this, shared = std::make_shared<const TickRecord>(record)] {
-        for (Watcher* watcher : std::set(watchers_)) watcher->show(*shared);
-    });
-}
-
 /** Whoever came by it did not get in. */
 void PageServer::Impl::restoreToken(Token invitation, const std::string& session) {
     const std::lock_guard lock(secrets_);
@@ -904,7 +883,7 @@ void PageServer::Impl::onText(Viewer& viewer, const std::string& word) {
         return viewer.sendText(
             std::make_shared<const std::string>(json{{"invitation", makeAddress(viewer.session())}}.dump()));
     if (word == "watch" && options_.channels)
-        return viewer.sendText(std::make_shared<const std::string>(json{{"watch", watchAddress()}}.dump()));
+        return viewer.sendText(std::make_shared<const std::string>(json{{"watch", server_.watchAddress()}}.dump()));
     if (!word.empty() && word.front() == '{' && options_.place && mayOperate && options_.place(word)) return;
     ++server_.counts_.refusedMessages;
 }
@@ -944,25 +923,34 @@ PageServer::~PageServer() {
 }
 
 unsigned short PageServer::port() const {
-    return impl_->port();
+    return impl_->port_;
 }
 std::string PageServer::makeAddress() {
     return impl_->makeAddress();
 }
 std::string PageServer::watchAddress() const {
-    return impl_->watchAddress();
+    return impl_->options_.channels ? "wss://" + impl_->publicAuthorities_.front() + kWatch + impl_->watchSecret_ : "";
 }
 void PageServer::stream(const TickRecord& record) {
-    impl_->stream(record);
+    if (counts_.watchers == 0) return;
+    asio::post(impl_->io_, [impl = impl_.get(), shared = std::make_shared<const TickRecord>(record)] {
+        for (Impl::Watcher* watcher : std::set(impl->watchers_)) watcher->show(*shared);
+    });
 }
 const std::vector<std::string>& PageServer::publicAuthorities() const {
-    return impl_->publicAuthorities();
+    return impl_->publicAuthorities_;
 }
 void PageServer::show(std::string frame) {
-    impl_->show(std::move(frame));
+    asio::post(impl_->io_, [impl = impl_.get(), shared = std::make_shared<const std::string>(std::move(frame))] {
+        impl->sendFrame(shared);
+    });
 }
 void PageServer::broadcast(const std::string& kind, std::string message) {
-    impl_->broadcast(kind, std::move(message));
+    asio::post(impl_->io_,
+               [impl = impl_.get(), kind, shared = std::make_shared<const std::string>(std::move(message))] {
+                   impl->known_[kind] = shared;
+                   impl->sendText(shared);
+               });
 }
 
 }  // namespace viable

@@ -54,27 +54,11 @@ std::string toBase64(const std::string& bytes) {
 
 }  // namespace
 
-nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::size_t size, const char* type) {
+nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::size_t size, char kind) {
     bytes_.resize((bytes_.size() + 7) / 8 * 8);
     const std::size_t at = bytes_.size();
     bytes_.append(static_cast<const char*>(data), count * size);
-    return {{"at", at}, {"n", count}, {"type", type}};
-}
-
-nlohmann::json BinaryBlock::add(const std::vector<float>& values) {
-    return append(values.data(), values.size(), sizeof(float), "f32");
-}
-nlohmann::json BinaryBlock::add(const std::vector<double>& values) {
-    return append(values.data(), values.size(), sizeof(double), "f64");
-}
-nlohmann::json BinaryBlock::add(const std::vector<std::uint8_t>& values) {
-    return append(values.data(), values.size(), 1, "u8");
-}
-nlohmann::json BinaryBlock::add(const std::vector<std::uint16_t>& values) {
-    return append(values.data(), values.size(), sizeof(std::uint16_t), "u16");
-}
-nlohmann::json BinaryBlock::add(const std::vector<std::uint32_t>& values) {
-    return append(values.data(), values.size(), sizeof(std::uint32_t), "u32");
+    return {{"at", at}, {"n", count}, {"type", kind + std::to_string(8 * size)}};
 }
 
 std::string BinaryBlock::encode() const {

@@ -5,6 +5,7 @@
 
 #include "core/Text.h"
 #include "environment/OccupancyMap.h"
+#include "experiment/ResolvedNodes.h"
 #include "report/PoseJson.h"
 #include "robot/ArmReach.h"
 
@@ -121,25 +122,13 @@ json describeCells(const OccupancyMap& map, const MapChoice& choice, const Ball&
 }
 
 json describeSolid(const Solid& solid) {
-    json one = {{"name", solid.name}, {"pose", toJson(solid.pose)}};
-    switch (solid.kind) {
-        case Solid::Kind::Box:
-            one["type"] = "box";
-            one["size"] = toJson(solid.size);
-            break;
-        case Solid::Kind::Sphere:
-            one["type"] = "sphere";
-            one["radius"] = solid.radius;
-            break;
-        case Solid::Kind::Cylinder:
-            one["type"] = "cylinder";
-            one["radius"] = solid.radius;
-            one["length"] = solid.length;
-            break;
-        case Solid::Kind::HalfSpace:
-            one["type"] = "half_space";
-            break;
-    }
+    using Kind = Solid::Kind;
+    json one = {{"name", solid.name},
+                {"type", enumName<Kind::HalfSpace>(solid.kind, {"box", "sphere", "cylinder", "half_space"})},
+                {"pose", toJson(solid.pose)}};
+    if (solid.kind == Kind::Box) one["size"] = toJson(solid.size);
+    if (solid.kind == Kind::Sphere || solid.kind == Kind::Cylinder) one["radius"] = solid.radius;
+    if (solid.kind == Kind::Cylinder) one["length"] = solid.length;
     return one;
 }
 
@@ -156,9 +145,8 @@ json describeSphere(const MovingSphere& sphere) {
 
 json describePerson(const Person& person) {
     json capsules = json::array(), waypoints = json::array(), unseen = json::array();
-    const auto list = [](const Eigen::Vector3d& p) { return json{p.x(), p.y(), p.z()}; };
     for (const PersonCapsule& capsule : person.capsules)
-        capsules.push_back({{"from", list(capsule.a)}, {"to", list(capsule.b)}, {"radius", capsule.radius}});
+        capsules.push_back({{"from", toJson(capsule.a)}, {"to", toJson(capsule.b)}, {"radius", capsule.radius}});
     for (const Person::Waypoint& at : person.walk)
         waypoints.push_back({at.time_s, at.position.x(), at.position.y(), at.position.z()});
     for (const Person::Absence& absence : person.unseen) unseen.push_back({absence.from_s, absence.to_s});
@@ -167,14 +155,6 @@ json describePerson(const Person& person) {
             {"repeats", person.repeats},    {"unseen", unseen},
             {"speed_mps", person.maxSpeed}, {"latency_s", person.latency_s},
             {"error_m", person.error_m}};
-}
-
-/** The block without its map. */
-ConfigNode withoutMap(ConfigNode block) {
-    block.entries.erase(std::remove_if(block.entries.begin(), block.entries.end(),
-                                       [](const auto& entry) { return entry.first == "map"; }),
-                        block.entries.end());
-    return block;
 }
 
 }  // namespace
@@ -193,7 +173,7 @@ json describeEnvironment(const ConfigNode& block, const std::string& mapSha256,
                 cells = describeCells(map, *environment.map, *reach, binary, note);
         }
     } catch (const Error& error) {  // a report of an old log must not need the map
-        environment = readEnvironment(withoutMap(block));
+        environment = readEnvironment(dropEntry(block, "map"));
         note = std::string("The map is not drawn: ") + error.what();
     }
     json obstacles = json::array();

@@ -2,6 +2,7 @@
 
 #include <ctime>
 
+#include "core/Text.h"
 #include "core/WholeFile.h"
 
 namespace viable::detail {
@@ -35,17 +36,6 @@ std::string fill(const std::string& page, const fs::path& file, const std::strin
     return text.append(page, done, std::string::npos);
 }
 
-/** JSON as it may stand in a script element. */
-std::string escape(const std::string& text) {
-    std::string safe;
-    for (char c : text)
-        if (c == '<')
-            safe += "\\u003c";
-        else
-            safe += c;
-    return safe;
-}
-
 }  // namespace
 
 Page::Page(const fs::path& file) : file_(file), text_(readWhole(file).value_or("")) {
@@ -57,8 +47,9 @@ Page::Page(const fs::path& file) : file_(file), text_(readWhole(file).value_or("
 void Page::write(const fs::path& target, json data, const BinaryBlock& block) const {
     data["version"] = VIABLE_VERSION;
     data["created"] = getNow();
-    const std::string text = data.dump(-1, ' ', false, json::error_handler_t::replace);  // names may hold any bytes
-    replaceFile(target, fill(text_, file_, escape(text), block.encode()));
+    // Names may hold any bytes, and no text may end the script element.
+    const std::string text = replaceAll(data.dump(-1, ' ', false, json::error_handler_t::replace), "<", "\\u003c");
+    replaceFile(target, fill(text_, file_, text, block.encode()));
 }
 
 }  // namespace viable::detail

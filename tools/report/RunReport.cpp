@@ -1,28 +1,14 @@
 #include "report/RunReport.h"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <limits>
-#include <map>
-#include <optional>
-#include <stdexcept>
-
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "experiment/RunningCase.h"
 #include "log/LogMetadata.h"
-#include "realtime/LatencyHistogram.h"
 #include "records/LogReader.h"
-#include "report/BinaryBlock.h"
 #include "report/Obstacles.h"
 #include "report/Page.h"
 #include "report/Scene.h"
 #include "report/Tracks.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
-#include "viable/limits/ArmLimit.h"
 
 namespace viable {
 
@@ -212,6 +198,7 @@ public:
           rest_(reader.layout().jointNames.size()),
           nearest_(std::size(kNearest) + 1),
           values_(reader.layout().jointNames.size() * kTracksPerJoint + kArmTracks, kNan),
+          pose_(reader.layout().jointNames.size()),
           actives_(reader.layout().jointNames.size()) {}
 
     void add(const TickRecord& r) {
@@ -289,9 +276,10 @@ public:
         if (!hasEnvironment_) return one;
         one["replay"]["rest"] = block.add(rest_.data());
         one["replay"]["nearest"] = block.add(nearest_.data());
+        const bool hasLooked = isKnown(clearanceTrack());  // a filter
         one["clearance"] = {{"links", links_},
                             {"obstacles", obstacles_},
-                            {"distance", describeClearance(block)},
+                            {"distance", hasLooked ? describeArray(clearanceTrack(), block) : json(nullptr)},
                             {"environment", nullptr}};
         return one;
     }
@@ -316,7 +304,6 @@ private:
             values_[toolTrack() + 1] = calcDistance(calcTool_(r.actual.q.size() == n_ ? r.actual.q : r.real.q));
     }
     void addPose(detail::Samples& samples, const JointVector& q) {
-        pose_.resize(static_cast<std::size_t>(n_));
         for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
         samples.add(pose_);
     }
@@ -328,7 +315,6 @@ private:
     /** The clearance of a row, where the stop rests and how long it takes. */
     void addClearance(const TickRecord& r) {
         double duration_s = 0.0;
-        pose_.resize(static_cast<std::size_t>(n_));
         for (int i = 0; i < n_; ++i) {
             const TickRecord::Stop& stop = r.stops[static_cast<std::size_t>(i)];
             pose_[static_cast<std::size_t>(i)] = stop.rest;
@@ -353,21 +339,19 @@ private:
     /** A number where the value never changes, null where there is none (no limit), else an array. */
     json describeSeries(std::size_t track, BinaryBlock& block) const {
         const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
-        const bool isNumber = std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
         const std::string name = kQuantities[track % kTracksPerJoint].name;
         const bool isLimit = name.find("_lower") != std::string::npos || name.find("_upper") != std::string::npos;
-        if (isLimit && !isNumber) return nullptr;
+        if (isLimit && !isKnown(track)) return nullptr;
         if (isLimit && std::all_of(least.begin(), least.end(), [&](float x) { return x == least[0]; }) &&
             least == largest)
             return least[0];
         return describeArray(track, block);
     }
-    /** Null where no filter looked. */
-    json describeClearance(BinaryBlock& block) const {
-        const std::vector<float>& least = tracks_.least(clearanceTrack());
-        const bool isKnown = std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
-        return isKnown ? describeArray(clearanceTrack(), block) : json(nullptr);
+    bool isKnown(std::size_t track) const {
+        const std::vector<float>& least = tracks_.least(track);
+        return std::any_of(least.begin(), least.end(), [](float x) { return !std::isnan(x); });
     }
+
     json describeArray(std::size_t track, BinaryBlock& block) const {
         const std::vector<float>&least = tracks_.least(track), &largest = tracks_.largest(track);
         if (tracks_.rowsPerBucket() == 1) return block.add(least);
@@ -423,8 +407,8 @@ std::vector<fs::path> listLogs(const fs::path& folder, const json& summary) {
     std::vector<fs::path> others;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
         const fs::path& log = entry.path();
-        if (log.extension() != ".mcap" || std::find(logs.begin(), logs.end(), log) != logs.end()) continue;
-        if (isLaterPart(log)) continue;
+        if (log.extension() != ".mcap" || isLaterPart(log) || std::find(logs.begin(), logs.end(), log) != logs.end())
+            continue;
         // Of a log that was recovered only the whole one is shown.
         if (log.stem().extension() != ".recovered" &&
             fs::exists(fs::path(log).replace_extension(".recovered.mcap"), failed))
@@ -781,8 +765,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
 
 Error refuseSummary(const fs::path& folder) {
     return badInput((folder / "summary.json").string(), "this is not a summary of a run",
-                    "Run the experiment again, or remove the file: the report is then made from the "
-                    "logs alone.");
+                    "Run the experiment again, or remove the file: the report is then made from the logs alone.");
 }
 
 /** An empty object where there is no file. */

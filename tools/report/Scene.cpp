@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/Text.h"
 #include "meshes/RobotShapes.h"
 #include "report/PoseJson.h"
 
@@ -60,15 +61,7 @@ std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
 }
 
 const char* getName(JointType type) {
-    switch (type) {
-        case JointType::Revolute:
-            return "revolute";
-        case JointType::Continuous:
-            return "continuous";
-        case JointType::Prismatic:
-            return "prismatic";
-    }
-    return "";
+    return enumName<JointType::Prismatic>(type, {"revolute", "continuous", "prismatic"}, "");
 }
 
 }  // namespace

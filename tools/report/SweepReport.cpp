@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <cstdlib>
 #include <limits>
 #include <map>
 #include <memory>
@@ -121,15 +122,11 @@ private:
 };
 
 std::string formatExactly(double x) {
-    char text[40];
-    std::snprintf(text, sizeof text, "%.17g", x);
-    double back = 0.0;
     for (int digits = 1; digits < 17; ++digits) {
-        char shorter[40];
-        std::snprintf(shorter, sizeof shorter, "%.*g", digits, x);
-        if (std::sscanf(shorter, "%lf", &back) == 1 && back == x) return shorter;
+        const std::string text = detail::format("%.*g", digits, x);
+        if (std::strtod(text.c_str(), nullptr) == x) return text;
     }
-    return text;
+    return detail::format("%.17g", x);
 }
 
 /** The values of one column: numbers, or, as soon as one of them is a word, words. */

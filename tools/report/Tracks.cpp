@@ -8,14 +8,6 @@ namespace viable::detail {
 
 namespace {
 
-/** fmin and fmax take the number where the other is none. */
-float joinLeast(float a, float b) {
-    return std::fmin(a, b);
-}
-float joinLargest(float a, float b) {
-    return std::fmax(a, b);
-}
-
 template <class T, class Join>
 void halve(std::vector<T>& values, Join join) {
     for (std::size_t i = 0; 2 * i + 1 < values.size(); ++i) values[i] = join(values[2 * i], values[2 * i + 1]);
@@ -27,7 +19,9 @@ void halve(std::vector<T>& values, Join join) {
 void Tracks::add(const std::vector<double>& values) {
     const bool begins = rowsInLast_ == 0;
     if (begins && buckets() == kMaxBuckets) {
-        joinNeighbours();
+        // fmin and fmax take the number where the other is none.
+        for (auto& track : least_) halve(track, [](float a, float b) { return std::fmin(a, b); });
+        for (auto& track : largest_) halve(track, [](float a, float b) { return std::fmax(a, b); });
         rowsPerBucket_ *= 2;
     }
     for (std::size_t i = 0; i < least_.size(); ++i) {
@@ -37,16 +31,11 @@ void Tracks::add(const std::vector<double>& values) {
             least_[i].push_back(x);
             largest_[i].push_back(x);
         } else {
-            least_[i].back() = joinLeast(least_[i].back(), x);
-            largest_[i].back() = joinLargest(largest_[i].back(), x);
+            least_[i].back() = std::fmin(least_[i].back(), x);
+            largest_[i].back() = std::fmax(largest_[i].back(), x);
         }
     }
     rowsInLast_ = (rowsInLast_ + 1) % rowsPerBucket_;
-}
-
-void Tracks::joinNeighbours() {
-    for (auto& values : least_) halve(values, joinLeast);
-    for (auto& values : largest_) halve(values, joinLargest);
 }
 
 void CodeTracks::add(const std::vector<std::uint16_t>& values) {

@@ -22,8 +22,6 @@ public:
     const std::vector<float>& largest(std::size_t quantity) const { return largest_[quantity]; }
 
 private:
-    void joinNeighbours();
-
     std::vector<std::vector<float>> least_, largest_;
     std::int64_t rowsPerBucket_ = 1, rowsInLast_ = 0;
 };

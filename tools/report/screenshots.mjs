@@ -119,12 +119,8 @@ async function takeSweep() {
 
 /** The verdicts and the plot of the worst, over a part of the time. */
 async function takeVerification() {
-  await page.evaluate(
-    ({ from, to }) => {
-      if (from !== undefined) window.viableReport.state.setView(from, to);
-    },
-    { from: options.from && Number(options.from), to: options.to && Number(options.to) },
-  );
+  const view = [Number(options.from), Number(options.to)];
+  if (options.from !== undefined) await page.evaluate((times) => window.viableReport.state.setView(...times), view);
   const bars = page.locator('#toolbar, #transport');
   await bars.evaluateAll((all) => all.forEach((bar) => bar.style.setProperty('display', 'none')));
   await page.waitForTimeout(1000); // for the plot

@@ -9,20 +9,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/** SHA-256 over named pieces; the lengths keep their borders. */
-class Hash {
-public:
-    void add(const std::string& name, const std::string& content) {
-        for (const std::string* text : {&name, &content}) {
-            hash_.add(std::to_string(text->size()) + ":");
-            hash_.add(*text);
-        }
+/** A named piece; the lengths keep the borders. */
+void addPiece(detail::Sha256& hash, const std::string& name, const std::string& content) {
+    for (const std::string* text : {&name, &content}) {
+        hash.add(std::to_string(text->size()) + ":");
+        hash.add(*text);
     }
-    std::string take() { return hash_.take(); }
-
-private:
-    detail::Sha256 hash_;
-};
+}
 
 std::string readFile(const fs::path& file) {
     if (std::optional<std::string> text = readWhole(file)) return *std::move(text);
@@ -58,15 +51,15 @@ std::string calcSweepHash(const std::string& text, const std::vector<std::string
     for (const std::set<fs::path>* some : {&files.data, &files.libraries})
         for (const fs::path& file : *some) {
             const std::string name = file.filename().string();
-            Hash own;
-            own.add(name, readFile(file));
+            detail::Sha256 own;
+            addPiece(own, name, readFile(file));
             contents.emplace(name, own.take());
         }
-    Hash hash;
-    hash.add("viable", VIABLE_VERSION);
-    hash.add("experiment", text);
-    for (const std::string& assignment : overrides) hash.add("--set", assignment);
-    for (const auto& [name, content] : contents) hash.add(name, content);
+    detail::Sha256 hash;
+    addPiece(hash, "viable", VIABLE_VERSION);
+    addPiece(hash, "experiment", text);
+    for (const std::string& assignment : overrides) addPiece(hash, "--set", assignment);
+    for (const auto& [name, content] : contents) addPiece(hash, name, content);
     return hash.take();
 }
 

@@ -84,8 +84,7 @@ struct SweepStore::Impl {
     [[noreturn]] void fail(const std::string& what) const {
         throw Error(ErrorKind::LogNotWritten, file.string(),
                     what + ": " + (base ? sqlite3_errmsg(base) : "out of memory"),
-                    "What was stored before is complete; remove the cause and give the same command "
-                    "again.");
+                    "What was stored before is complete; remove the cause and give the same command again.");
     }
 
     void open(int flags) {
@@ -277,9 +276,7 @@ void SweepStore::checkSame(const SweepPlan& other, const fs::path& where) const 
                        "Name another folder with --out, or give the command of that sweep.");
     };
     if (own.fileHash != other.fileHash)
-        refuse(
-            "the experiment file, its overrides, a robot's folder, a data file, a plugin or the program is "
-            "another");
+        refuse("the experiment file, its overrides, a robot's folder, a data file, a plugin or the program is another");
     if (own.seed != other.seed)
         refuse("its seed is " + std::to_string(own.seed) + ", not " + std::to_string(other.seed));
     if (own.cases != other.cases) refuse("its cases are " + dump(own.cases));

@@ -8,12 +8,8 @@ namespace viable {
 
 namespace {
 
-using detail::calcContinuousBound;
-using detail::calcVelocityBound;
-using detail::GridPhases;
-using detail::makeStop;
-using detail::planQuickly;
-using detail::ShortestStop;
+using detail::calcContinuousBound, detail::calcVelocityBound, detail::GridPhases, detail::makeStop, detail::planQuickly,
+    detail::ShortestStop;
 
 /** What is asked for stays this far inside the limits, relative to them: on its way through a torque and back it is
 rounded, and must still be admitted. */

@@ -84,14 +84,9 @@ VelocityZeroingStop calcUpperVelocityZeroingStop(double v, double a, const Braki
     return stop;
 }
 
-double calcSigma(double v, double a, const AxisLimits& limits) {
-    const double J = a > 0.0 ? -limits.jerkLower : limits.jerkUpper;
-    return v + a * std::abs(a) / (2.0 * J);
-}
-
 /** The side that sigma tells. */
 LimitSide findSide(double v, double a, const AxisLimits& limits) {
-    return calcSigma(v, a, limits) >= 0.0 ? LimitSide::Upper : LimitSide::Lower;
+    return calcVelocityPeak(v, a, limits) >= 0.0 ? LimitSide::Upper : LimitSide::Lower;
 }
 
 /** The stop of a side, from the one that knows the upper side. */
@@ -140,7 +135,8 @@ VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits
 }
 
 double calcVelocityPeak(double v, double a, const AxisLimits& limits) {
-    return calcSigma(v, a, limits);
+    const double J = a > 0.0 ? -limits.jerkLower : limits.jerkUpper;
+    return v + a * std::abs(a) / (2.0 * J);
 }
 
 }  // namespace viable

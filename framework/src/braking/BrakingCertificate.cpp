@@ -8,16 +8,9 @@ namespace viable {
 
 namespace {
 
-using detail::calcContinuousBound;
-using detail::calcLowerPeak;
-using detail::calcUpperPeak;
-using detail::calcVelocityBound;
-using detail::GridPhases;
-using detail::makeStop;
-using detail::mirror;
-using detail::planQuickly;
-using detail::roundUpToTicks;
-using detail::ShortestStop;
+using detail::calcContinuousBound, detail::calcLowerPeak, detail::calcUpperPeak, detail::calcVelocityBound,
+    detail::GridPhases, detail::makeStop, detail::mirror, detail::planQuickly, detail::roundUpToTicks,
+    detail::ShortestStop;
 
 /** Rounding of states and stops, relative to the size of the limit: what a stop may pass it by ... */
 constexpr double kRounding = 1e-13;
@@ -52,12 +45,12 @@ public:
             const double root = std::sqrt(std::max(0.0, s_.a * s_.a - 2.0 * jerk * s_.v));
             const double q = -(s_.a + std::copysign(root, s_.a));
             for (const double when : {q / jerk, 2.0 * s_.v / q})
-                if (when > 0.0 && when < t) seePosition(advance(s_, jerk, when).p);
+                if (when > 0.0 && when < t) see(advance(s_, jerk, when).p, e_.positionLower, e_.positionUpper);
         }
-        seeVelocity(least);
-        seeVelocity(largest);
-        seePosition(end.p);
-        seeAcceleration(end.a);
+        see(least, e_.velocityLower, e_.velocityUpper);
+        see(largest, e_.velocityLower, e_.velocityUpper);
+        see(end.p, e_.positionLower, e_.positionUpper);
+        see(end.a, e_.accelerationLower, e_.accelerationUpper);
         s_ = end;
     }
 
@@ -70,17 +63,9 @@ public:
     }
 
 private:
-    void seePosition(double p) {
-        e_.positionLower = std::min(e_.positionLower, p);
-        e_.positionUpper = std::max(e_.positionUpper, p);
-    }
-    void seeVelocity(double v) {
-        e_.velocityLower = std::min(e_.velocityLower, v);
-        e_.velocityUpper = std::max(e_.velocityUpper, v);
-    }
-    void seeAcceleration(double a) {
-        e_.accelerationLower = std::min(e_.accelerationLower, a);
-        e_.accelerationUpper = std::max(e_.accelerationUpper, a);
+    static void see(double x, double& lower, double& upper) {
+        lower = std::min(lower, x);
+        upper = std::max(upper, x);
     }
 
     AxisState s_;
@@ -150,8 +135,7 @@ void BrakingCertificate::reset(const AxisState& state) {
     allowed_ = rounding_;
     peakLower_ = limits_.velocityLower;
     peakUpper_ = limits_.velocityUpper;
-    const Walk here(state);
-    if (!planWithin(state, here.extremes(), stored_)) stored_.plan(state.v, state.a, limits_, tick_s_);
+    if (!planWithin(state, Walk(state).extremes(), stored_)) stored_.plan(state.v, state.a, limits_, tick_s_);
     mayExceed_ = true;
     checkStop();
 }
@@ -254,10 +238,7 @@ bool BrakingCertificate::beginTick(const AxisState& state) {
     }
     state_ = state;
     trial_.valid = bound_.valid = false;
-    if (!mayExceed_) {
-        const Walk here(state);
-        mayExceed_ = !isInside(here.extremes(), limits_, rounding_);
-    }
+    mayExceed_ = mayExceed_ || !isInside(Walk(state).extremes(), limits_, rounding_);
     if (stored_.atRest() && (state.v != 0.0 || state.a != 0.0)) {
         GridStop rest;  // what rounding left at the end of the stop would carry the joint on for ever
         if (rest.plan(state.v, state.a, limits_, tick_s_)) stored_ = rest;

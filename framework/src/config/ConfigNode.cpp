@@ -16,9 +16,8 @@ using detail::quoteText;
 /** The key path of a node that moves to another place, and of all below it. */
 void setKeyPath(ConfigNode& node, const std::string& keyPath) {
     node.keyPath = keyPath;
-    for (std::size_t i = 0; i < node.items.size(); ++i) {
+    for (std::size_t i = 0; i < node.items.size(); ++i)
         setKeyPath(node.items[i], keyPath + "[" + std::to_string(i) + "]");
-    }
     for (auto& [key, value] : node.entries) setKeyPath(value, detail::joinKeyPath(keyPath, key));
 }
 
@@ -39,16 +38,14 @@ std::vector<Step> splitPath(const std::string& path, const std::string& where) {
         while (!key.empty() && key.back() == ']') {
             const std::size_t open = key.rfind('[');
             const std::string digits = open == std::string::npos ? "" : key.substr(open + 1, key.size() - open - 2);
-            if (digits.empty() || digits.size() > 6 || digits.find_first_not_of("0123456789") != std::string::npos) {
+            if (digits.empty() || digits.size() > 6 || digits.find_first_not_of("0123456789") != std::string::npos)
                 throw badInput(where, "the key path has a wrong index in " + quoteText(key),
                                "Write `[0]` for the first entry of a list");
-            }
             indices.insert(indices.begin(), std::stoi(digits));
             key.resize(open);
         }
-        if (key.empty() || key.find_first_of(" \t\r\n[]{},:\"'#&*!|>%@`<") != std::string::npos) {
+        if (key.empty() || key.find_first_of(" \t\r\n[]{},:\"'#&*!|>%@`<") != std::string::npos)
             throw badInput(where, "the key path " + quoteText(path) + " is not one", remedy);
-        }
         steps.push_back({key, -1});
         for (const int index : indices) steps.push_back({{}, index});
         if (end == path.size()) return steps;
@@ -74,17 +71,10 @@ std::string detail::quoteText(const std::string& text) {
 }
 
 std::string detail::describeNode(const ConfigNode& node) {
-    switch (node.kind) {
-        case ConfigNode::Kind::Empty:
-            return "empty";
-        case ConfigNode::Kind::Scalar:
-            return (node.quoted ? "the text " : "the single value ") + quoteText(node.text);
-        case ConfigNode::Kind::List:
-            return "a list of " + std::to_string(node.items.size());
-        case ConfigNode::Kind::Map:
-            return "a map";
-    }
-    return {};
+    if (node.kind == ConfigNode::Kind::Scalar)
+        return (node.quoted ? "the text " : "the single value ") + quoteText(node.text);
+    if (node.kind == ConfigNode::Kind::List) return "a list of " + std::to_string(node.items.size());
+    return node.kind == ConfigNode::Kind::Map ? "a map" : "empty";
 }
 
 std::string detail::joinKeyPath(const std::string& parent, const std::string& key) {
@@ -107,9 +97,8 @@ void detail::clearLines(ConfigNode& node) {
 }
 
 const ConfigNode* ConfigNode::find(const std::string& key) const {
-    for (const auto& entry : entries) {
+    for (const auto& entry : entries)
         if (entry.first == key) return &entry.second;
-    }
     return nullptr;
 }
 
@@ -120,24 +109,20 @@ ConfigNode* ConfigNode::find(const std::string& key) {
 void applyOverride(ConfigNode& root, const std::string& assignment) {
     const std::string argument = std::string(detail::kOverrideFile) + " " + quoteText(assignment);
     const std::size_t equals = assignment.find('=');
-    if (equals == std::string::npos) {
+    if (equals == std::string::npos)
         throw badInput(argument, "the assignment has no `=`",
                        "Write it as `key.path=value`, such as `cases.C2.filter.gamma=3`");
-    }
     const std::string path = assignment.substr(0, equals);
     const std::string valueText = assignment.substr(equals + 1);
-    if (path.size() > detail::kMaxKeyPathBytes) {
+    if (path.size() > detail::kMaxKeyPathBytes)
         throw badInput(argument, "the key path is longer than " + std::to_string(detail::kMaxKeyPathBytes) + " bytes",
                        "Check the argument");
-    }
     const std::vector<Step> steps = splitPath(path, argument);
-    if (valueText.find_first_not_of(" \t\r\n") == std::string::npos) {
+    if (valueText.find_first_not_of(" \t\r\n") == std::string::npos)
         throw badInput(argument, "the assignment has no value", "Write a value behind the `=`; empty text is `\"\"`");
-    }
-    if (steps.size() > static_cast<std::size_t>(kMaxConfigDepth)) {
+    if (steps.size() > static_cast<std::size_t>(kMaxConfigDepth))
         throw badInput(argument, "the key path is deeper than " + std::to_string(kMaxConfigDepth) + " levels",
                        "Check the argument");
-    }
     ConfigNode value;
     try {
         value = detail::parseYaml(valueText, detail::kOverrideFile, path, static_cast<int>(steps.size()), false);
@@ -153,40 +138,35 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
         const Step& step = steps[existing];
         ConfigNode* next = nullptr;
         if (step.index >= 0) {
-            if (node->kind != ConfigNode::Kind::List || step.index >= static_cast<int>(node->items.size())) {
+            if (node->kind != ConfigNode::Kind::List || step.index >= static_cast<int>(node->items.size()))
                 throw badInput(argument,
                                node->place() + " is " + describeNode(*node) + ", so there is no entry [" +
                                    std::to_string(step.index) + "]",
                                "Name an entry that exists, or set the whole list");
-            }
             next = &node->items[static_cast<std::size_t>(step.index)];
         } else {
-            if (node->kind != ConfigNode::Kind::Map && node->kind != ConfigNode::Kind::Empty) {
+            if (node->kind != ConfigNode::Kind::Map && node->kind != ConfigNode::Kind::Empty)
                 throw badInput(argument,
                                node->place() + " is " + describeNode(*node) + ", so there is no entry " +
                                    quoteText(step.key) + " in it",
                                "Check the key path");
-            }
             next = node->find(step.key);
         }
         if (!next) break;
         node = next;
     }
-    for (std::size_t i = existing; i < steps.size(); ++i) {
-        if (steps[i].index >= 0) {
+    for (std::size_t i = existing; i < steps.size(); ++i)
+        if (steps[i].index >= 0)
             throw badInput(argument, "there is no list in the file at this key path",
                            "Set the whole list, such as `key.path=[1, 2]`");
-        }
-    }
 
     if (existing == steps.size()) {
         const bool isPlugin = steps.back().key == "plugin" && (value.kind != node->kind || value.text != node->text);
         if (isPlugin) {
             ConfigNode* block = &root;
-            for (std::size_t i = 0; i + 1 < steps.size(); ++i) {
+            for (std::size_t i = 0; i + 1 < steps.size(); ++i)
                 block = steps[i].index >= 0 ? &block->items[static_cast<std::size_t>(steps[i].index)]
                                             : block->find(steps[i].key);
-            }
             block->entries.clear();
             block->entries.emplace_back("plugin", std::move(value));
         } else {
@@ -212,9 +192,8 @@ ConfigNode overlay(const ConfigNode& base, const ConfigNode& top) {
     if (base.kind != ConfigNode::Kind::Map || top.kind != ConfigNode::Kind::Map) return top;
     const ConfigNode* basePlugin = base.find("plugin");
     const ConfigNode* topPlugin = top.find("plugin");
-    if (basePlugin && topPlugin && (basePlugin->kind != topPlugin->kind || basePlugin->text != topPlugin->text)) {
+    if (basePlugin && topPlugin && (basePlugin->kind != topPlugin->kind || basePlugin->text != topPlugin->text))
         return top;
-    }
     ConfigNode merged = base;
     if (top.line > 0) {  // a map that an override had to make has no place worth telling
         merged.file = top.file;
@@ -233,10 +212,9 @@ ConfigNode overlay(const ConfigNode& base, const ConfigNode& top) {
 }
 
 ConfigMap::ConfigMap(const ConfigNode& node) : node_(node) {
-    if (node.kind != ConfigNode::Kind::Map) {
+    if (node.kind != ConfigNode::Kind::Map)
         throw badInput(node.place(), "must be a map of entries; it is " + describeNode(node),
                        "Write entries as `key: value`, indented below the key, or `{key: value}`");
-    }
 }
 
 const ConfigNode* ConfigMap::find(const std::string& key) {
@@ -246,9 +224,8 @@ const ConfigNode* ConfigMap::find(const std::string& key) {
 
 const ConfigNode& ConfigMap::require(const std::string& key) {
     const ConfigNode* value = find(key);
-    if (!value) {
+    if (!value)
         throw badInput(node_.place(), "the key " + quoteText(key) + " is missing", "Add `" + key + ": ...` here");
-    }
     return *value;
 }
 

@@ -12,6 +12,7 @@
 #include <unordered_map>
 
 #include "config/ConfigText.h"
+#include "core/Text.h"
 
 namespace viable {
 
@@ -73,35 +74,32 @@ std::size_t findCharacterSize(const std::string& text, std::size_t i) {
     const auto byte = [&](std::size_t k) -> unsigned {
         return k < text.size() ? static_cast<unsigned char>(text[k]) : 0u;
     };
-    const auto isTail = [&](std::size_t k) { return (byte(k) & 0xC0u) == 0x80u; };
-    const unsigned first = byte(i);
-    if (first < 0x80) return 1;
-    if (first >= 0xC2 && first <= 0xDF) return isTail(i + 1) ? 2 : 0;
-    if (first >= 0xE0 && first <= 0xEF) {
-        if (!isTail(i + 1) || !isTail(i + 2)) return 0;
-        if (first == 0xE0 && byte(i + 1) < 0xA0) return 0;  // overlong
-        if (first == 0xED && byte(i + 1) > 0x9F) return 0;  // surrogate
-        return 3;
-    }
-    if (first >= 0xF0 && first <= 0xF4) {
-        if (!isTail(i + 1) || !isTail(i + 2) || !isTail(i + 3)) return 0;
-        if (first == 0xF0 && byte(i + 1) < 0x90) return 0;  // overlong
-        if (first == 0xF4 && byte(i + 1) > 0x8F) return 0;  // beyond U+10FFFF
-        return 4;
-    }
-    return 0;
+    const unsigned first = byte(i), second = byte(i + 1);
+    const std::size_t size = first < 0x80                     ? 1
+                             : first >= 0xC2 && first <= 0xDF ? 2
+                             : first >= 0xE0 && first <= 0xEF ? 3
+                             : first >= 0xF0 && first <= 0xF4 ? 4
+                                                              : 0;
+    for (std::size_t k = 1; k < size; ++k)
+        if ((byte(i + k) & 0xC0u) != 0x80u) return 0;
+    const bool isOverlong = (first == 0xE0 && second < 0xA0) || (first == 0xF0 && second < 0x90);
+    // A surrogate, or beyond U+10FFFF.
+    const bool isNone = (first == 0xED && second > 0x9F) || (first == 0xF4 && second > 0x8F);
+    return isOverlong || isNone ? 0 : size;
+}
+
+void checkSize(std::uintmax_t bytes, const std::string& fileName) {
+    if (bytes <= kMaxConfigBytes) return;
+    throw badInput(fileName,
+                   "holds " + std::to_string(bytes) + " bytes, more than the " + std::to_string(kMaxConfigBytes) +
+                       " that a configuration may have",
+                   "Keep recorded data in files of their own and name them in the configuration");
 }
 
 /** The text without byte-order mark and with plain line feeds; throws when it is no text, is too
 large, or would keep the parser busy for long. */
 std::string cleanText(const std::string& raw, const std::string& fileName) {
-    if (raw.size() > kMaxConfigBytes) {
-        throw badInput(fileName,
-                       "holds " + std::to_string(raw.size()) + " bytes, more than the " +
-                           std::to_string(kMaxConfigBytes) + " that a configuration may have",
-                       "Keep recorded data in files of their own and name them in the "
-                       "configuration");
-    }
+    checkSize(raw.size(), fileName);
     std::string text;
     text.reserve(raw.size());
     Position at{1, 1};
@@ -112,36 +110,29 @@ std::string cleanText(const std::string& raw, const std::string& fileName) {
     for (std::size_t i = start; i < raw.size();) {
         const auto byte = static_cast<unsigned char>(raw[i]);
         const std::size_t size = findCharacterSize(raw, i);
-        if (size == 0) {
+        if (size == 0)
             throw badInput(formatPlace(fileName, at), "is not UTF-8 text",
                            "Save the file as UTF-8; a binary file is not a configuration");
-        }
         if (byte == '\r' && i + 1 < raw.size() && raw[i + 1] == '\n') {
             ++i;
             continue;
         }
-        if ((byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7F) {
-            char code[8];
-            std::snprintf(code, sizeof(code), "0x%02x", byte);
+        if ((byte < 0x20 && byte != '\n' && byte != '\t') || byte == 0x7F)
             throw badInput(
-                formatPlace(fileName, at), std::string("holds the control byte ") + code,
+                formatPlace(fileName, at), detail::format("holds the control byte 0x%02x", byte),
                 "Only text is allowed, with lines that end in LF or CR LF; a binary file is not a configuration");
-        }
-        if (isIndentation && byte == '\t') {
+        if (isIndentation && byte == '\t')
             throw badInput(formatPlace(fileName, at), "a tab stands in the indentation", "Indent with blanks only");
-        }
         if (byte == '[' || byte == '{') ++openBrackets;
         if ((byte == ']' || byte == '}') && openBrackets > 0) --openBrackets;
-        if (openBrackets > kMaxOpenBrackets) {
+        if (openBrackets > kMaxOpenBrackets)
             throw badInput(
                 formatPlace(fileName, at), "more than " + std::to_string(kMaxOpenBrackets) + " brackets are open here",
                 "At most " + std::to_string(kMaxConfigDepth) + " maps and lists may stand inside each other");
-        }
-        if (byte == ',' && ++commas > kMaxConfigNodes) {
+        if (byte == ',' && ++commas > kMaxConfigNodes)
             throw badInput(formatPlace(fileName, at),
                            "more than " + std::to_string(kMaxConfigNodes) + " list entries stand before here",
                            "Keep recorded data in files of their own");
-        }
         text.append(raw, i, size);
         i += size;
         if (byte == '\n') {
@@ -177,21 +168,18 @@ public:
     void OnDocumentStart(const YAML::Mark& mark) override {
         const std::size_t offset = findOffset(mark);
         if (hasDocument_) {
-            if (text_.compare(offset, 3, "---") == 0) {
+            if (text_.compare(offset, 3, "---") == 0)
                 fail(mark, rootPath_, "a second document begins here",
                      "Keep one document in a file: remove the line `---` or what follows it");
-            }
             fail(mark, rootPath_, "this does not belong to what stands above it",
                  "Check the indentation: entries of one map begin in the same column");
         }
         hasDocument_ = true;
         // yaml-cpp passes over directives; none has a meaning here.
-        for (std::size_t i = 0; i < offset; ++i) {
-            if (text_[i] == '%' && (i == 0 || text_[i - 1] == '\n')) {
+        for (std::size_t i = 0; i < offset; ++i)
+            if (text_[i] == '%' && (i == 0 || text_[i - 1] == '\n'))
                 failAt(i, rootPath_, "a YAML directive (`%...`) is not allowed",
                        "Remove the line; write text that begins with % in quotes");
-            }
-        }
     }
     void OnDocumentEnd() override {}
 
@@ -219,13 +207,11 @@ public:
         countNode(mark);
         const std::size_t end = findScalarEnd(mark, value);
         // Lines that YAML joins would let `1` above ` -2` pass for the number -1.
-        if (tag == "?" && text_.compare(findOffset(mark), value.size(), value) != 0) {
+        if (tag == "?" && text_.compare(findOffset(mark), value.size(), value) != 0)
             fail(mark, findPath(), "the value " + quoteText(value) + " goes over several lines without quotes",
                  "Check the indentation and the commas; put long text in quotes or behind `|`");
-        }
-        if (value.find('\0') != std::string::npos) {
+        if (value.find('\0') != std::string::npos)
             fail(mark, findPath(), "the text holds a NUL character", "Remove `\\0` from it");
-        }
         if (isKeyExpected()) {
             addKey(mark, value, end);
             return;
@@ -282,18 +268,16 @@ private:
     void refuseProperties(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor) {
         if (anchor != 0) failAnchor(mark);
         // yaml-cpp gives "?" to plain and "!" to quoted text; a written `!` looks the same as "!".
-        if ((tag != "?" && tag != "!") || at(findOffset(mark)) == '!') {
+        if ((tag != "?" && tag != "!") || at(findOffset(mark)) == '!')
             fail(mark, findPath(), "a tag (`!...`) is not allowed",
                  "Write the value alone; text that begins with ! goes in quotes");
-        }
     }
 
     void countNode(const YAML::Mark& mark) {
-        if (++nodes_ > kMaxConfigNodes) {
+        if (++nodes_ > kMaxConfigNodes)
             fail(mark, findPath(),
                  "more than " + std::to_string(kMaxConfigNodes) + " keys and values stand in the file",
                  "Keep recorded data in files of their own");
-        }
     }
 
     /** Offset behind the scalar that begins at the mark. Throws for a quote that is not closed,
@@ -323,18 +307,15 @@ private:
         const std::string path = joinKeyPath(frame.node.keyPath, key);
         if (key == "<<") fail(mark, frame.node.keyPath, "a merge key (`<<`) is not allowed", "Write the entries out");
         if (key.empty()) fail(mark, frame.node.keyPath, "a key is empty", "Write entries as `key: value`");
-        for (const char c : key) {
-            if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
+        for (const char c : key)
+            if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F)
                 fail(mark, frame.node.keyPath, "the key " + quoteText(key) + " holds a control character",
                      "Use letters, digits and `_`");
-            }
-        }
-        if (path.size() > detail::kMaxKeyPathBytes) {
+        if (path.size() > detail::kMaxKeyPathBytes)
             fail(mark, frame.node.keyPath,
                  "the key " + quoteText(key) + " makes a key path of " + std::to_string(path.size()) +
                      " bytes; at most " + std::to_string(detail::kMaxKeyPathBytes) + " are allowed",
                  "Use shorter keys");
-        }
         while (at(end) == ' ' || at(end) == '\t') ++end;
         if (text_.find_first_not_of(" \t\n", end) == std::string::npos) {
             // yaml-cpp also takes the last entry of a list that is never closed for a key.
@@ -349,18 +330,16 @@ private:
                 fail(mark, frame.node.entries.back().second.keyPath,
                      "the draw " + quoteText(before) + " ends at its comma", detail::quoteDrawRemedy(before));
         }
-        if (at(end) != ':') {
+        if (at(end) != ':')
             fail(mark, frame.node.keyPath, quoteText(key) + " stands where a key is expected",
                  "Write entries as `key: value`, on one line, with a blank after the colon");
-        }
         const Position position = calcPosition(mark);
         const auto [known, isNew] = frame.keyLines.emplace(key, position.line);
-        if (!isNew) {
+        if (!isNew)
             fail(mark, path,
                  "the key " + quoteText(key) + " stands twice: on line " + std::to_string(known->second) +
                      " and on line " + std::to_string(position.line),
                  "Remove one of the two");
-        }
         frame.key = key;
         frame.keyAt = position;
         frame.hasKey = true;
@@ -370,17 +349,15 @@ private:
     std::string findPath() const {
         if (stack_.empty()) return rootPath_;
         const Frame& frame = stack_.back();
-        if (frame.node.kind == ConfigNode::Kind::List) {
+        if (frame.node.kind == ConfigNode::Kind::List)
             return frame.node.keyPath + "[" + std::to_string(frame.node.items.size()) + "]";
-        }
         return frame.hasKey ? joinKeyPath(frame.node.keyPath, frame.key) : frame.node.keyPath;
     }
 
     void checkRoot(const YAML::Mark& mark, const std::string& found) {
         if (!stack_.empty() || !isWholeFile_) return;
-        if (found == "nothing") {
+        if (found == "nothing")
             throw badInput(fileName_, "is empty: there is no entry in it", "Write entries as `key: value`");
-        }
         fail(mark, {}, "the file must be a map of entries; found " + found,
              "Write entries as `key: value`, with a blank after the colon");
     }
@@ -404,14 +381,12 @@ private:
         countNode(mark);
         if (isKeyExpected()) failKey(mark);
         if (kind == ConfigNode::Kind::List) checkRoot(mark, "a list");
-        if (outerDepth_ + static_cast<int>(stack_.size()) >= kMaxConfigDepth) {
+        if (outerDepth_ + static_cast<int>(stack_.size()) >= kMaxConfigDepth)
             fail(mark, findPath(),
                  "more than " + std::to_string(kMaxConfigDepth) + " maps and lists stand inside each other",
                  "Make the structure flatter");
-        }
-        Frame frame;
-        frame.node = makeNode(mark, kind);
-        stack_.push_back(std::move(frame));
+        ConfigNode node = makeNode(mark, kind);
+        stack_.emplace_back().node = std::move(node);
     }
 
     void close() {
@@ -456,9 +431,8 @@ Error explain(const YAML::Exception& problem, const std::string& where) {
     };
     static const Explanation explanations[] = {
         {YAML::ErrorMsg::END_OF_MAP, "this does not fit into the map around it",
-         "Check that each entry is `key: value`, that entries of one map begin in the same "
-         "column, and that nothing follows a "
-         "closed quote or bracket"},
+         "Check that each entry is `key: value`, that entries of one map begin in the same column, and that nothing "
+         "follows a closed quote or bracket"},
         {YAML::ErrorMsg::END_OF_SEQ, "this does not fit into the list around it",
          "Check that the `-` of one list stand in the same column"},
         {YAML::ErrorMsg::END_OF_MAP_FLOW, "a map in braces does not continue or end properly",
@@ -483,9 +457,8 @@ Error explain(const YAML::Exception& problem, const std::string& where) {
     };
     for (const Explanation& explanation : explanations) {
         // Its beginning: yaml-cpp 0.8 puts the name of an unknown anchor behind the message.
-        if (problem.msg.rfind(explanation.message, 0) == 0) {
+        if (problem.msg.rfind(explanation.message, 0) == 0)
             return badInput(where, explanation.what, explanation.remedy);
-        }
     }
     return badInput(where, "is not valid YAML: " + problem.msg,
                     "Check indentation, quotes and brackets on this line and the one before");
@@ -507,9 +480,8 @@ ConfigNode detail::parseYaml(const std::string& raw, const std::string& fileName
         const Position at = hasPlace ? builder.calcPosition(problem.mark) : Position{};
         throw explain(problem, formatPlace(fileName, at, keyPath));
     }
-    if (!builder.hasDocument()) {
+    if (!builder.hasDocument())
         throw badInput(fileName, "is empty: there is no entry in it", "Write entries as `key: value`");
-    }
     return builder.releaseRoot();
 }
 
@@ -527,19 +499,12 @@ ConfigNode readConfigFile(const std::filesystem::path& file) {
         throw badInput(name, isLink ? "is a symbolic link to a missing file" : "does not exist",
                        "Check the spelling; relative paths start in the current folder");
     }
-    if (!fs::status_known(status)) {
+    if (!fs::status_known(status))
         throw badInput(name, "cannot be looked at: " + code.message(), "Check its permissions");
-    }
     if (fs::is_directory(status)) throw badInput(name, "is a folder", "Name the file inside it");
     if (!fs::is_regular_file(status)) throw badInput(name, "is not a regular file", "Copy its content into a file");
     const std::uintmax_t size = fs::file_size(file, code);
-    if (!code && size > kMaxConfigBytes) {
-        throw badInput(name,
-                       "holds " + std::to_string(size) + " bytes, more than the " + std::to_string(kMaxConfigBytes) +
-                           " that a configuration may have",
-                       "Keep recorded data in files of their own and name them in the "
-                       "configuration");
-    }
+    if (!code) checkSize(size, name);
 
     const auto fail = [&](int number) {
         throw badInput(name, std::string("cannot be read: ") + std::strerror(number), "Check its permissions");

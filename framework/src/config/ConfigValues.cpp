@@ -41,9 +41,8 @@ public:
     explicit Expression(const std::string& text) : text_(text) {}
 
     double calc() {
-        if (text_.size() > kMaxExpressionBytes) {
+        if (text_.size() > kMaxExpressionBytes)
             throw NoNumber{"it is longer than " + std::to_string(kMaxExpressionBytes) + " bytes", kNumberRemedy};
-        }
         const double value = calcSum();
         if (peek() != '\0') failUnexpected();
         return value;
@@ -76,12 +75,10 @@ private:
         const std::string word = readWord();
         if (isGlued && word[0] == '_') throw NoNumber{"`_` may not stand between digits", "Write the digits together"};
         if (isGlued && (word[0] == 'x' || word[0] == 'X' || word[0] == 'b' || word[0] == 'o') &&
-            text_[valueEnd_ - 1] == '0') {
+            text_[valueEnd_ - 1] == '0')
             throw NoNumber{"only decimal numbers are allowed", "Write the decimal number"};
-        }
-        if (followsValue && word == "pi") {
+        if (followsValue && word == "pi")
             throw NoNumber{"`pi` follows a value without an operator", "Write a product as `2*pi`"};
-        }
         if (followsValue) {
             const bool isDegrees = word.compare(0, 3, "deg") == 0 || word == "\xC2\xB0";
             throw NoNumber{quoteText(rest) + " follows the number",
@@ -101,11 +98,8 @@ private:
     static double check(double value, bool isZeroExact) {
         if (!std::isfinite(value)) throw NoNumber{"it is too large for a double", "Check the exponent"};
         const double size = std::abs(value);
-        if (size < std::numeric_limits<double>::min() && !(size == 0.0 && isZeroExact)) {
-            throw NoNumber{"it is too small for a double, but not zero",
-                           "Write 0 or a number "
-                           "of at least 1e-300"};
-        }
+        if (size < std::numeric_limits<double>::min() && !(size == 0.0 && isZeroExact))
+            throw NoNumber{"it is too small for a double, but not zero", "Write 0 or a number of at least 1e-300"};
         return value;
     }
 
@@ -113,11 +107,9 @@ private:
     void refuseSignOfNextNumber() const {
         const bool hasBlankBefore = isOnlyBlanks(at_ - 1, at_);
         const bool hasBlankBehind = at_ + 1 >= text_.size() || isOnlyBlanks(at_ + 1, at_ + 2);
-        if (hasBlankBefore && !hasBlankBehind) {
+        if (hasBlankBefore && !hasBlankBehind)
             throw NoNumber{quoteText(text_.substr(at_)) + " follows a value without a comma",
-                           "Put a comma between two numbers, or blanks on both sides of the sign "
-                           "of a sum"};
-        }
+                           "Put a comma between two numbers, or blanks on both sides of the sign of a sum"};
     }
 
     double calcSum() {
@@ -144,11 +136,10 @@ private:
     }
 
     double calcFactor() {
-        if (++depth_ > kMaxExpressionDepth) {
+        if (++depth_ > kMaxExpressionDepth)
             throw NoNumber{
                 "it has more than " + std::to_string(kMaxExpressionDepth) + " signs and parentheses inside each other",
                 kNumberRemedy};
-        }
         double value = 0.0;
         const char c = peek();
         if (c == '+' || c == '-') {
@@ -205,9 +196,8 @@ private:
             if (skipDigits() == 0) at_ = mantissaEnd;  // not an exponent: a letter behind a number
         }
         valueEnd_ = at_;
-        if (hasLeadingZero) {
+        if (hasLeadingZero)
             throw NoNumber{"it begins with a zero, which some read as octal", "Write the number without leading zeros"};
-        }
         double value = 0.0;
         const char* first = text_.data() + begin;
         const char* last = text_.data() + at_;
@@ -218,7 +208,7 @@ private:
             const std::string literal(first, last);
             const std::size_t exponent = literal.find_first_of("eE");
             const bool isSmall = exponent != std::string::npos && literal.compare(exponent + 1, 1, "-") == 0;
-            value = isSmall ? 0.0 : std::numeric_limits<double>::infinity();
+            value = isSmall ? 0.0 : kInfinity;
         }
         return check(value, isZero);
     }
@@ -235,31 +225,25 @@ bool isOneOf(const std::string& text, std::initializer_list<const char*> words) 
 
 /** The value without its range. */
 double calcNumber(const ConfigNode& node, bool mayBeInfinite) {
-    if (node.kind != ConfigNode::Kind::Scalar) {
+    if (node.kind != ConfigNode::Kind::Scalar)
         throw badInput(node.place(), "must be a number; it is " + describeNode(node), kNumberRemedy);
-    }
     const std::string& text = node.text;
     const std::string shown = quoteText(text);
-    if (node.quoted) {
+    if (node.quoted)
         throw badInput(node.place(), "must be a number; " + shown + " in quotes is text", "Remove the quotes");
-    }
     refuseBlank(node);
     // std::string's own letters: no locale.
     std::string lower = text;
-    for (char& c : lower) {
+    for (char& c : lower)
         if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-    }
     const std::string unsignedText = !lower.empty() && (lower[0] == '-' || lower[0] == '+') ? lower.substr(1) : lower;
     if (isOneOf(unsignedText, {".nan", "nan"})) throw badInput(node.place(), shown + " is not a number", kNumberRemedy);
     if (isOneOf(unsignedText, {".inf", "inf", "infinity"})) {
-        if (!mayBeInfinite) {
+        if (!mayBeInfinite)
             throw badInput(node.place(), shown + " is not allowed: the value must be finite", kNumberRemedy);
-        }
-        if (unsignedText != ".inf") {
+        if (unsignedText != ".inf")
             throw badInput(node.place(), shown + " is not a number", "Write `.inf` or `-.inf` for \"no limit\"");
-        }
-        const double infinity = std::numeric_limits<double>::infinity();
-        return lower[0] == '-' ? -infinity : infinity;
+        return lower[0] == '-' ? -kInfinity : kInfinity;
     }
     try {
         return Expression(text).calc();
@@ -272,9 +256,8 @@ std::string formatCount(int minCount, int maxCount) {
     const std::string most = std::to_string(maxCount);
     const std::string numbers = maxCount == 1 ? " number" : " numbers";
     if (minCount == maxCount) return most + numbers;
-    if (maxCount == std::numeric_limits<int>::max()) {
+    if (maxCount == std::numeric_limits<int>::max())
         return "at least " + std::to_string(minCount) + (minCount == 1 ? " number" : " numbers");
-    }
     return std::to_string(minCount) + " to " + most + numbers;
 }
 
@@ -291,9 +274,8 @@ std::string NumberRange::text() const {
     std::string text = minIsOpen || std::isinf(min) ? "(" : "[";
     text += formatNumber(min) + ", " + formatNumber(max);
     text += maxIsOpen || std::isinf(max) ? ")" : "]";
-    const double infinity = std::numeric_limits<double>::infinity();
-    if (contains(infinity)) text += contains(-infinity) ? ", .inf or -.inf" : " or .inf";
-    if (!contains(infinity) && contains(-infinity)) text += " or -.inf";
+    if (contains(kInfinity)) text += contains(-kInfinity) ? ", .inf or -.inf" : " or .inf";
+    if (!contains(kInfinity) && contains(-kInfinity)) text += " or -.inf";
     return text;
 }
 
@@ -311,22 +293,19 @@ double toNumber(const ConfigNode& node, const NumberRange& range) {
 std::int64_t toInteger(const ConfigNode& node, std::int64_t min, std::int64_t max) {
     const std::string allowed = "a whole number in [" + std::to_string(min) + ", " + std::to_string(max) + "]";
     const std::string remedy = "Write digits only, without point, exponent or leading zeros";
-    if (node.kind != ConfigNode::Kind::Scalar || node.quoted) {
+    if (node.kind != ConfigNode::Kind::Scalar || node.quoted)
         throw badInput(node.place(), "must be " + allowed + "; it is " + describeNode(node),
                        node.quoted ? "Remove the quotes" : remedy);
-    }
     const std::string& text = node.text;
     const std::string digits = !text.empty() && text[0] == '-' ? text.substr(1) : text;
     const bool isWhole = !digits.empty() && digits.find_first_not_of("0123456789") == std::string::npos;
-    if (!isWhole || (digits.size() > 1 && digits[0] == '0')) {
+    if (!isWhole || (digits.size() > 1 && digits[0] == '0'))
         throw badInput(node.place(), quoteText(text) + " is not " + allowed, remedy);
-    }
     std::int64_t value = 0;
     const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (result.ec != std::errc() || value < min || value > max) {
+    if (result.ec != std::errc() || value < min || value > max)
         throw badInput(node.place(), quoteText(text) + " is out of range; allowed is " + allowed,
                        "Choose a value inside the range");
-    }
     return value;
 }
 
@@ -347,21 +326,19 @@ void refuseBlank(const ConfigNode& node) {
 }
 
 std::string toText(const ConfigNode& node) {
-    if (node.kind != ConfigNode::Kind::Scalar) {
+    if (node.kind != ConfigNode::Kind::Scalar)
         throw badInput(node.place(), "must be text; it is " + describeNode(node),
                        "Write one text; empty text is `\"\"`");
-    }
     return node.text;
 }
 
 std::string toChoice(const ConfigNode& node, const std::vector<std::string>& choices) {
     const std::string text = toText(node);
     if (std::find(choices.begin(), choices.end(), text) != choices.end()) return text;
-    std::string names;
-    for (const std::string& choice : choices) names += (names.empty() ? "`" : ", `") + choice + "`";
     const std::string closest = findClosestName(text, choices);
     throw badInput(node.place(), quoteText(text) + " is not one of the choices",
-                   (closest.empty() ? "" : "Did you mean `" + closest + "`? ") + ("Choices: " + names));
+                   (closest.empty() ? "" : "Did you mean `" + closest + "`? ") +
+                       ("Choices: `" + detail::join(choices, "`, `") + "`"));
 }
 
 std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount, const NumberRange& range) {
@@ -373,10 +350,9 @@ std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount
                        "Write the numbers in brackets, such as " + example + "]`");
     }
     const auto count = static_cast<long long>(node.items.size());
-    if (count < minCount || count > maxCount) {
+    if (count < minCount || count > maxCount)
         throw badInput(node.place(), "must be " + wanted + "; it is " + describeNode(node),
                        "Write " + formatCount(minCount, maxCount));
-    }
     std::vector<double> values;
     values.reserve(node.items.size());
     detail::ErrorList errors;
@@ -388,12 +364,11 @@ std::vector<double> toNumbers(const ConfigNode& node, int minCount, int maxCount
 JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& range) {
     VIABLE_CHECK(n >= 0 && n <= kMaxJoints, "the number of joints is beyond the capacity");
     if (node.kind == ConfigNode::Kind::Scalar) return JointVector::Constant(n, toNumber(node, range));
-    if (node.kind != ConfigNode::Kind::List || static_cast<int>(node.items.size()) != n) {
+    if (node.kind != ConfigNode::Kind::List || static_cast<int>(node.items.size()) != n)
         throw badInput(node.place(),
                        "must be a list of " + formatCount(n, n) +
                            ", one per joint, or a single number for all; it is " + describeNode(node),
                        "Write " + formatCount(n, n) + " in brackets, or a single one");
-    }
     JointVector values(n);
     detail::ErrorList errors;
     for (int i = 0; i < n; ++i)

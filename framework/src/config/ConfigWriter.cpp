@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <cstdio>
 
 #include "config/ConfigText.h"
+#include "core/Text.h"
 
 namespace viable {
 
@@ -23,9 +23,7 @@ std::string quote(const std::string& text) {
         } else if (c == '\t') {
             quoted += "\\t";
         } else if (byte < 0x20 || byte == 0x7F) {
-            char code[8];
-            std::snprintf(code, sizeof(code), "\\x%02x", byte);
-            quoted += code;
+            quoted += detail::format("\\x%02x", byte);
         } else {
             quoted += c;
         }

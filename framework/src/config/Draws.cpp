@@ -21,8 +21,8 @@ constexpr double kLeastShare = 1e-3;
 constexpr std::size_t kMostChoices = 1000;
 
 const char kForms[] =
-    "Write ~uniform(a, b), ~log_uniform(a, b), ~normal(mean, sd), ~normal(mean, sd, min, max), "
-    "~integer(a, b) or ~choice(a, b, ...)";
+    "Write ~uniform(a, b), ~log_uniform(a, b), ~normal(mean, sd), ~normal(mean, sd, min, max), ~integer(a, b) or "
+    "~choice(a, b, ...)";
 
 enum class Kind { Uniform, LogUniform, Normal, Integer, Choice };
 
@@ -109,45 +109,28 @@ struct Distribution {
     bool isOfWords = false;  ///< not all choices are numbers
 
     std::string draw(Stream stream) const {
-        switch (kind) {
-            case Kind::Uniform: {
-                const double u = stream.uniform();
-                return formatNumber(std::clamp((1.0 - u) * a + u * b, a, b));
-            }
-            case Kind::LogUniform: {
-                const double u = stream.uniform();
-                const double x = calcExp((1.0 - u) * calcLog(a) + u * calcLog(b));
-                return formatNumber(std::clamp(x, a, b));
-            }
-            case Kind::Normal:
-                for (;;) {
-                    const double x = a + b * stream.normal();
-                    if (!isCut || (x >= min && x <= max)) return formatNumber(x);
-                }
-            case Kind::Integer: {
-                const auto count = static_cast<std::uint64_t>(last - first) + 1;
-                return std::to_string(first + static_cast<std::int64_t>(stream.below(count)));
-            }
-            case Kind::Choice:
-                return choices[stream.below(choices.size())];
+        if (kind == Kind::Choice) return choices[stream.below(choices.size())];
+        if (kind == Kind::Integer) {
+            const auto count = static_cast<std::uint64_t>(last - first) + 1;
+            return std::to_string(first + static_cast<std::int64_t>(stream.below(count)));
         }
-        return {};
+        double x;
+        if (kind == Kind::Normal) {
+            do x = a + b * stream.normal();
+            while (isCut && !(x >= min && x <= max));
+            return formatNumber(x);
+        }
+        const double u = stream.uniform();
+        x = kind == Kind::Uniform ? (1.0 - u) * a + u * b : calcExp((1.0 - u) * calcLog(a) + u * calcLog(b));
+        return formatNumber(std::clamp(x, a, b));
     }
 
     std::vector<std::string> ends() const {
-        switch (kind) {
-            case Kind::Uniform:
-            case Kind::LogUniform:
-                return {formatNumber(a), formatNumber(b)};
-            case Kind::Normal:
-                if (!isCut) return {};
-                return {formatNumber(min), formatNumber(max)};
-            case Kind::Integer:
-                return {std::to_string(first), std::to_string(last)};
-            case Kind::Choice:
-                return choices;
-        }
-        return {};
+        if (kind == Kind::Choice) return choices;
+        if (kind == Kind::Integer) return {std::to_string(first), std::to_string(last)};
+        if (kind == Kind::Uniform || kind == Kind::LogUniform) return {formatNumber(a), formatNumber(b)};
+        if (!isCut) return {};
+        return {formatNumber(min), formatNumber(max)};
     }
 };
 

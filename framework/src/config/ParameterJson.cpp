@@ -195,10 +195,9 @@ Json makeValueSchema(const ParameterSpec& spec) {
 }
 
 bool hasInfinity(const Json& value) {
-    if (value.is_array()) {
+    if (value.is_array())
         for (const Json& item : value)
             if (hasInfinity(item)) return true;
-    }
     return value == ".inf" || value == "-.inf";
 }
 

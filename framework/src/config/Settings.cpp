@@ -139,12 +139,8 @@ std::int64_t getLargest(const ParameterSpec& spec) {
 
 namespace {
 
-using detail::getLargest;
-using detail::getSmallest;
-using detail::getTypeName;
-using detail::getWords;
-using detail::quoteText;
-using detail::splitChoices;
+using detail::getLargest, detail::getSmallest, detail::getTypeName, detail::getWords, detail::quoteText,
+    detail::splitChoices;
 
 bool hasText(const char* text) {
     return text && *text;
@@ -209,21 +205,18 @@ std::filesystem::path toFile(const ConfigNode& node, const ConfigNode& folderOf,
                            ? "Relative paths of --set start in the current folder"
                            : "Relative paths start in the folder of the file that names them");
     }
-    if (!fs::status_known(status)) {
+    if (!fs::status_known(status))
         throw badInput(node.place(), shown + " cannot be looked at: " + code.message(), "Check its permissions");
-    }
-    if (!fs::is_regular_file(status)) {
+    if (!fs::is_regular_file(status))
         throw badInput(node.place(), shown + (fs::is_directory(status) ? " is a folder" : " is no regular file"),
                        "Name a file");
-    }
     return path;
 }
 
 std::vector<std::vector<double>> toRows(const ConfigNode& node, const ParameterSpec& spec) {
-    if (node.kind != ConfigNode::Kind::List) {
+    if (node.kind != ConfigNode::Kind::List)
         throw badInput(node.place(), "must be a list of lists of numbers; it is " + detail::describeNode(node),
                        "Write rows in brackets, such as `[[1, 2], [3, 4]]`");
-    }
     std::vector<std::vector<double>> rows;
     rows.reserve(node.items.size());
     detail::ErrorList errors;
@@ -271,9 +264,8 @@ void checkSpecs(const ParameterSpec* specs, std::size_t count, const std::string
         if (!hasText(specs[i].name)) failPlugin(where, "the plugin declares a nameless parameter");
         const std::string name = specs[i].name;
         if (name == "plugin") failPlugin(where, "the plugin declares a parameter named `plugin`");
-        for (std::size_t k = 0; k < i; ++k) {
+        for (std::size_t k = 0; k < i; ++k)
             if (name == specs[k].name) failPlugin(where, "the plugin declares the parameter `" + name + "` twice");
-        }
     }
 }
 
@@ -281,10 +273,9 @@ void checkSpecs(const ParameterSpec* specs, std::size_t count, const std::string
 
 const std::string& Parameters::place(const char* name) const {
     const auto entry = places_.find(name);
-    if (entry == places_.end()) {
+    if (entry == places_.end())
         failPlugin(resolved_.place(), "the plugin asks for the place of the parameter `" + std::string(name) +
                                           "`, which it does not declare");
-    }
     return entry->second;
 }
 

@@ -4,7 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdio>
+#include "core/Text.h"
 
 namespace viable::detail {
 
@@ -35,9 +35,7 @@ std::string endOverdue(pid_t process, double timeout_s, const std::string& where
     kill(process, SIGKILL);
     while (waitpid(process, nullptr, 0) < 0 && errno == EINTR) {
     }
-    char number[32];
-    std::snprintf(number, sizeof number, "%g", timeout_s);
-    return "it did not return" + where + " for " + number + " s; its process was ended";
+    return "it did not return" + where + format(" for %g s; its process was ended", timeout_s);
 }
 
 }  // namespace viable::detail

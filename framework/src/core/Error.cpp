@@ -46,11 +46,7 @@ Error::Error(ErrorKind kind, const std::string& where, const std::string& what, 
 ErrorParts getParts(const Error& error) {
     const char* at = error.what();
     const auto next = [&at] { return std::string(at += std::strlen(at) + 1); };
-    ErrorParts parts;
-    parts.place = next();
-    parts.cause = next();
-    parts.remedy = next();
-    return parts;
+    return {next(), next(), next()};  // in this order
 }
 
 Error badInput(const std::string& where, const std::string& what, const std::string& remedy) {

@@ -95,10 +95,9 @@ public:
                                                              : "[-" + largest + ", -" + smallest + "] or -.inf";
         fail(joint,
              std::string(getName(kind, side)) + " is " + formatNumber(value) + " " + unit + "; allowed is " + allowed,
-             side == LimitSide::Upper ? "An upper limit is positive, so that the joint can start and stop; check its "
-                                        "unit and exponent"
-                                      : "A lower limit is negative, so that the joint can start and stop; check its "
-                                        "unit and exponent");
+             side == LimitSide::Upper
+                 ? "An upper limit is positive, so that the joint can start and stop; check its unit and exponent"
+                 : "A lower limit is negative, so that the joint can start and stop; check its unit and exponent");
     }
 
     /** The time that one limit takes to use up the next: A/J or V/A. */
@@ -129,8 +128,8 @@ void checkPosition(const LimitCheck& check, int joint, LimitSide side, double va
     if (std::abs(value) > kLargestAngle_rad && !allowLargeAngles) {
         const std::string largest = formatNumber(kLargestAngle_rad);
         check.fail(joint, shown + "; allowed is [-" + largest + ", " + largest + "]",
-                   "If these are degrees, write them as `170*pi/180`; if the joint really turns "
-                   "that far, set `allow_large_angles: true`");
+                   "If these are degrees, write them as `170*pi/180`; if the joint really turns that far, set "
+                   "`allow_large_angles: true`");
     }
 }
 
@@ -261,22 +260,20 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
         checkSize(LimitSide::Lower, group.bounds.lower);
         checkSize(LimitSide::Upper, group.bounds.upper);
     }
-    if (!(tick_s > 0.0) || !std::isfinite(tick_s)) {
+    if (!(tick_s > 0.0) || !std::isfinite(tick_s))
         throw badInput(where, "the tick is " + formatNumber(tick_s) + " s; allowed is (0, inf)",
                        "Set `tick_s` to a positive time such as 0.001");
-    }
 
     const LimitCheck check(where, jointNames);
     for (int i = 0; i < n; ++i) {
         const AxisLimits axis = limits.axis(i);
         checkPosition(check, i, LimitSide::Lower, axis.positionLower, allowLargeAngles);
         checkPosition(check, i, LimitSide::Upper, axis.positionUpper, allowLargeAngles);
-        if (axis.positionLower >= axis.positionUpper) {
+        if (axis.positionLower >= axis.positionUpper)
             check.fail(i,
                        "position_lower is " + formatNumber(axis.positionLower) + " rad and position_upper is " +
                            formatNumber(axis.positionUpper) + " rad; allowed is lower < upper",
                        "Swap the two or check their signs");
-        }
         const std::array<SideLimits, 2> sides = listSides(axis);
         for (const SideLimits& s : sides) {
             check.checkRate(i, LimitKind::Velocity, s.side, s.velocity, "rad/s");
@@ -297,19 +294,18 @@ void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles
                        std::string(getName(LimitKind::Acceleration, s.side)) + " is " + formatNumber(s.acceleration) +
                            " rad/s^2; allowed is at least " + formatNumber(needed) + " rad/s^2, which one tick of " +
                            formatNumber(tick_s) + " s at a jerk of " + formatNumber(jerk) + " rad/s^3 reaches",
-                       "A braking step would not fit the time grid: lower the jerk limit, raise "
-                       "the acceleration limit, or shorten the tick");
+                       "A braking step would not fit the time grid: lower the jerk limit, raise the acceleration "
+                       "limit, or shorten the tick");
         }
         const double range = axis.positionUpper - axis.positionLower;
         const double stop = calcNeededRange(jerk, tick_s);
-        if (range < stop) {
+        if (range < stop)
             check.fail(i,
                        "position_lower " + formatNumber(axis.positionLower) + " rad to position_upper " +
                            formatNumber(axis.positionUpper) + " rad is a range of " + formatNumber(range) +
                            " rad; allowed is at least " + formatNumber(stop) +
                            " rad, which one tick of jerk and its stop need",
                        "Widen the position range, lower the jerk limit, or shorten the tick");
-        }
     }
 }
 

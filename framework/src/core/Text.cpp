@@ -1,6 +1,5 @@
 #include "core/Text.h"
 
-#include <algorithm>
 #include <cctype>
 #include <charconv>
 #include <cmath>

@@ -135,10 +135,9 @@ void ObstacleSettings::check(const ConfigNode& block) const {
     if (name == "map") throw badInput(place, "'map' is the name of the map", "Give the obstacle another name.");
     const int shapes = box.has_value() + sphere.has_value() + cylinder.has_value() + halfSpace.has_value();
     if (shapes > 1)
-        throw badInput(
-            place, "an obstacle with " + std::to_string(shapes) + " shapes",
-            "Make it as many obstacles. A case adds to the block at the top: give what differs there another "
-            "name, or leave it out at the top.");
+        throw badInput(place, "an obstacle with " + std::to_string(shapes) + " shapes",
+                       "Make it as many obstacles. A case adds to the block at the top: give what differs there "
+                       "another name, or leave it out at the top.");
     if (shapes == 0)
         throw badInput(place, "an obstacle without a shape", "Name one of box, sphere, cylinder and half_space.");
     if (way && !sphere) throw badInput(place, "an obstacle with a path that is not a sphere", "Only spheres move.");

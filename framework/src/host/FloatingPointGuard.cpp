@@ -44,18 +44,11 @@ constexpr std::uint64_t kRounding = 0;
 #endif
 
 const char* getRoundingName(int rounding) {
-    switch (rounding) {
-        case FE_TONEAREST:
-            return "to nearest";
-        case FE_UPWARD:
-            return "upward";
-        case FE_DOWNWARD:
-            return "downward";
-        case FE_TOWARDZERO:
-            return "toward zero";
-        default:
-            return "unknown";
-    }
+    static constexpr std::pair<int, const char*> kRoundings[] = {
+        {FE_TONEAREST, "to nearest"}, {FE_UPWARD, "upward"}, {FE_DOWNWARD, "downward"}, {FE_TOWARDZERO, "toward zero"}};
+    for (const auto& [mode, name] : kRoundings)
+        if (mode == rounding) return name;
+    return "unknown";
 }
 
 }  // namespace

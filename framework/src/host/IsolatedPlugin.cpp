@@ -238,9 +238,8 @@ void answer(Mailbox& box, const Work& work) {
         std::snprintf(box.explanation, sizeof box.explanation, "%s", detail::readFaultExplanation());
         if (isTick(box.what)) {
             const std::int64_t tick = box.ticksDone++;
-            if (tick >= kWarmUpTicks && countAllocations() != before) {
+            if (tick >= kWarmUpTicks && countAllocations() != before)
                 if (box.allocatingTicks++ == 0) box.firstAllocation = tick;
-            }
         }
         if (const char* change = call.undoArithmeticChange()) {
             box.how = Reply::Faulted;
@@ -307,10 +306,7 @@ void serve(RealPlant& plugin, Mailbox& box) {
         box.real = plugin.measured();
         box.actual = plugin.actual();
         const JointVector* external = plugin.externalTorque();
-        if (external)
-            box.external = *external;
-        else
-            box.external.resize(0);
+        box.external = external ? *external : JointVector();
         if (const ContactReport* contact = plugin.contact()) box.contact = *contact;
     }
 }
@@ -391,11 +387,7 @@ public:
         box().time = t;
         call(Request::SampleLimits);
         if (!box().answer) return nullptr;
-        if (!isSound(box().limits)) {
-            limits_ = {};  // of no size, and refused for it
-        } else {
-            limits_ = box().limits;
-        }
+        limits_ = isSound(box().limits) ? box().limits : JointLimits();  // of no size, and refused for it
         return &limits_;
     }
 
@@ -498,16 +490,10 @@ public:
 private:
     void fetchState() {
         call(Request::ReadPlant);
-        if (isSound(box().real) && isSound(box().actual)) {
-            measured_ = box().real;
-            actual_ = box().actual;
-        } else {
-            measured_ = actual_ = {};  // of no size, and refused for it
-        }
-        if (isSound(box().external))
-            external_ = box().external;
-        else
-            external_.resize(0);  // likewise
+        const bool areSound = isSound(box().real) && isSound(box().actual);
+        measured_ = areSound ? box().real : JointState();  // of no size, and refused for it
+        actual_ = areSound ? box().actual : JointState();
+        external_ = isSound(box().external) ? box().external : JointVector();  // likewise
         contact_ = box().contact;
     }
     JointState measured_, actual_;
@@ -516,35 +502,18 @@ private:
     bool hasExternalTorque_, hasContact_;
 };
 
+/** In the order of their kinds. */
 template <class Interface>
-struct StandIn;
-template <>
-struct StandIn<CommandSource> {
-    using Type = IsolatedCommandSource;
-};
-template <>
-struct StandIn<NominalController> {
-    using Type = IsolatedController;
-};
-template <>
-struct StandIn<SafetyFilter> {
-    using Type = IsolatedFilter;
-};
-template <>
-struct StandIn<RobustLoop> {
-    using Type = IsolatedRobustLoop;
-};
-template <>
-struct StandIn<RealPlant> {
-    using Type = IsolatedPlant;
-};
+using StandIn = std::tuple_element_t<
+    static_cast<std::size_t>(detail::kindOf<Interface>()),
+    std::tuple<IsolatedCommandSource, IsolatedController, IsolatedFilter, IsolatedRobustLoop, IsolatedPlant>>;
 
 }  // namespace
 
 template <class Interface>
 PluginPtr<Interface> isolatePlugin(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch,
                                    double watchdog_s) {
-    Interface* plugin = new typename StandIn<Interface>::Type(make, watch, watchdog_s);
+    Interface* plugin = new StandIn<Interface>(make, watch, watchdog_s);
     return PluginPtr<Interface>(plugin, [](void* object) { delete static_cast<Interface*>(object); });
 }
 

@@ -25,14 +25,4 @@ template <class Interface>
 PluginPtr<Interface> isolatePlugin(const std::function<PluginPtr<Interface>()>& make, PluginWatch& watch,
                                    double watchdog_s = kDefaultWatchdog_s);
 
-extern template PluginPtr<CommandSource> isolatePlugin(const std::function<PluginPtr<CommandSource>()>&, PluginWatch&,
-                                                       double);
-extern template PluginPtr<NominalController> isolatePlugin(const std::function<PluginPtr<NominalController>()>&,
-                                                           PluginWatch&, double);
-extern template PluginPtr<SafetyFilter> isolatePlugin(const std::function<PluginPtr<SafetyFilter>()>&, PluginWatch&,
-                                                      double);
-extern template PluginPtr<RobustLoop> isolatePlugin(const std::function<PluginPtr<RobustLoop>()>&, PluginWatch&,
-                                                    double);
-extern template PluginPtr<RealPlant> isolatePlugin(const std::function<PluginPtr<RealPlant>()>&, PluginWatch&, double);
-
 }  // namespace viable

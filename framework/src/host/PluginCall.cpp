@@ -76,24 +76,16 @@ void addLoadedLibrary(const std::string& file) {
 }
 
 const char* nameCall(std::int64_t tick) {
-    switch (tick) {
-        case kAfterLastTick:
-            return "while it was destroyed";
-        case kLoading:
-            return "while it was loaded";
-        case kMaking:
-            return "while it was made";
-        case kConfiguring:
-            return "in configure()";
-        case kAsking:
-            return "while it was asked what it is";
-        case kResetting:
-            return "in reset()";
-        case kJudging:
-            return "while it judged an arm";
-        default:
-            return tick < 0 ? "before the first tick" : "in a tick";
-    }
+    static constexpr std::pair<std::int64_t, const char*> kCalls[] = {{kAfterLastTick, "while it was destroyed"},
+                                                                      {kLoading, "while it was loaded"},
+                                                                      {kMaking, "while it was made"},
+                                                                      {kConfiguring, "in configure()"},
+                                                                      {kAsking, "while it was asked what it is"},
+                                                                      {kResetting, "in reset()"},
+                                                                      {kJudging, "while it judged an arm"}};
+    for (const auto& [call, words] : kCalls)
+        if (call == tick) return words;
+    return tick < 0 ? "before the first tick" : "in a tick";
 }
 
 void setAllocationCounter(AllocationCount count) {
@@ -133,9 +125,7 @@ PluginCall::~PluginCall() {
 }
 
 std::string formatArithmeticChange(const char* change) {
-    char text[160];
-    std::snprintf(text, sizeof text, kArithmeticChange, change);
-    return text;
+    return detail::format(kArithmeticChange, change);
 }
 
 void addSharedChange(PluginWatch& watch, const char* when, const std::string& change) {

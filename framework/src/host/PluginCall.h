@@ -87,12 +87,11 @@ std::string formatSharedChange(const PluginWatch& watch);
 
 // What the author of a plugin can do.
 inline constexpr char kOnThrow[] =
-    "reset() and the tick functions must not throw: catch it in the plugin and return a status "
-    "that says that there is "
+    "reset() and the tick functions must not throw: catch it in the plugin and return a status that says that there is "
     "no result.";
 inline constexpr char kOnValues[] =
-    "Return one finite number per joint (look for a division by zero or a root of a negative "
-    "number), or a status that says that there is none.";
+    "Return one finite number per joint (look for a division by zero or a root of a negative number), or a status that "
+    "says that there is none.";
 inline constexpr char kOnArithmeticChange[] =
     "Set the modes back before the function returns, and compile without -ffast-math.";
 

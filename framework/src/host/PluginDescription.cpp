@@ -4,6 +4,7 @@
 
 #include "config/ParameterJson.h"
 #include "config/ParameterText.h"
+#include "core/Text.h"
 
 namespace viable {
 
@@ -19,12 +20,8 @@ std::string describeValue(const ParameterSpec& spec) {
     std::string orWords;
     for (const std::string& word : detail::getWords(spec)) orWords += ", or `" + word + "`";
     switch (spec.type) {
-        case ParameterType::Choice: {
-            std::string names;
-            for (const std::string& name : detail::splitChoices(spec.choices))
-                names += (names.empty() ? "`" : ", `") + name + "`";
-            return names;
-        }
+        case ParameterType::Choice:
+            return "`" + detail::join(detail::splitChoices(spec.choices), "`, `") + "`";
         case ParameterType::Integer: {
             const std::int64_t least = detail::getSmallest(spec), most = detail::getLargest(spec);
             std::string text = "whole number";

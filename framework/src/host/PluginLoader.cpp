@@ -131,20 +131,13 @@ std::string askDynamicLinker(const fs::path& file) {
 }
 
 std::string getMachineName(unsigned machine) {
-    switch (machine) {
-        case EM_X86_64:
-            return "x86-64";
-        case EM_386:
-            return "32-bit x86";
-        case EM_AARCH64:
-            return "64-bit ARM";
-        case EM_ARM:
-            return "32-bit ARM";
-        case EM_RISCV:
-            return "RISC-V";
-        default:
-            return "ELF machine " + std::to_string(machine);
-    }
+    static const std::map<unsigned, const char*> names = {{EM_X86_64, "x86-64"},
+                                                          {EM_386, "32-bit x86"},
+                                                          {EM_AARCH64, "64-bit ARM"},
+                                                          {EM_ARM, "32-bit ARM"},
+                                                          {EM_RISCV, "RISC-V"}};
+    const auto known = names.find(machine);
+    return known != names.end() ? known->second : "ELF machine " + std::to_string(machine);
 }
 
 unsigned findOwnMachine() {
@@ -240,8 +233,7 @@ std::vector<std::string> describeDifferences(const AbiStamp& theirs, const AbiSt
     };
     const char* rebuild = "build it again with the headers of this viable";
     const char* sameEigen =
-        "build it with the same Eigen as viable, and without -march=native, -mavx and EIGEN_MAX_..."
-        " definitions";
+        "build it with the same Eigen as viable, and without -march=native, -mavx and EIGEN_MAX_... definitions";
     const char* sameCompiler = "build it with the compiler that built viable";
 
     compare(&AbiStamp::pointerSize, "pointer size in bytes", "build it for this machine");
@@ -279,42 +271,36 @@ bool isBlank(const char* text) {
 }
 
 void checkParameters(const PluginEntry& entry) {
-    const std::string table = "the parameter table of " + quoted(entry.name) + " ";
-    const std::string remedy = "Correct the options that the plugin describes";
+    const auto refuse = [&](const std::string& what) {
+        throw Refusal{"the parameter table of " + quoted(entry.name) + " " + what,
+                      "Correct the options that the plugin describes"};
+    };
+    const std::string count = std::to_string(entry.parameterCount) + " entries";
     if (entry.parameterCount > kMaxParameters)
-        throw Refusal{table + "has " + std::to_string(entry.parameterCount) + " entries (at most " +
-                          std::to_string(kMaxParameters) + ")",
-                      remedy};
+        refuse("has " + count + " (at most " + std::to_string(kMaxParameters) + ")");
     if (entry.parameterCount > 0 && entry.parameters == nullptr)
-        throw Refusal{
-            table + "is missing although it is said to have " + std::to_string(entry.parameterCount) + " entries",
-            remedy};
+        refuse("is missing although it is said to have " + count);
     for (std::uint64_t i = 0; i < entry.parameterCount; ++i) {
         const ParameterSpec& spec = entry.parameters[i];
         const std::string position = "(entry " + std::to_string(i + 1) + ") ";
-        if (isBlank(spec.name)) throw Refusal{table + position + "has a parameter without a name", remedy};
-        const std::string self = table + position + "declares " + quoted(spec.name) + " ";
-        if (std::strcmp(spec.name, "plugin") == 0)
-            throw Refusal{self + ", the key that names the plugin itself", remedy};
+        if (isBlank(spec.name)) refuse(position + "has a parameter without a name");
+        const std::string self = position + "declares " + quoted(spec.name) + " ";
+        if (std::strcmp(spec.name, "plugin") == 0) refuse(self + ", the key that names the plugin itself");
         if (spec.unit == nullptr || spec.help == nullptr)
-            throw Refusal{
-                self + "without a " + (spec.unit == nullptr ? "unit" : "help text") + " (write \"\" for none)", remedy};
+            refuse(self + "without a " + (spec.unit == nullptr ? "unit" : "help text") + " (write \"\" for none)");
         if (spec.type > ParameterType::Rows)
-            throw Refusal{self + "with the unknown type " + std::to_string(static_cast<std::uint32_t>(spec.type)),
-                          remedy};
+            refuse(self + "with the unknown type " + std::to_string(static_cast<std::uint32_t>(spec.type)));
         if (spec.type == ParameterType::Choice && isBlank(spec.choices))
-            throw Refusal{self + "as a choice without any choices", remedy};
+            refuse(self + "as a choice without any choices");
         if (std::isnan(spec.min) || std::isnan(spec.max) || spec.min > spec.max)
-            throw Refusal{self + "with the empty range " + spec.range().text(), remedy};
+            refuse(self + "with the empty range " + spec.range().text());
         if (spec.minCount < 0 || spec.minCount > spec.maxCount)
-            throw Refusal{self + "with room for " + std::to_string(spec.minCount) + " to " +
-                              std::to_string(spec.maxCount) + " numbers",
-                          remedy};
+            refuse(self + "with room for " + std::to_string(spec.minCount) + " to " + std::to_string(spec.maxCount) +
+                   " numbers");
         for (std::uint64_t k = 0; k < i; ++k)
             if (std::strcmp(spec.name, entry.parameters[k].name) == 0)
-                throw Refusal{table + "declares " + quoted(spec.name) + " twice (entries " + std::to_string(k + 1) +
-                                  " and " + std::to_string(i + 1) + ")",
-                              remedy};
+                refuse("declares " + quoted(spec.name) + " twice (entries " + std::to_string(k + 1) + " and " +
+                       std::to_string(i + 1) + ")");
     }
 }
 
@@ -323,14 +309,13 @@ void checkTable(const PluginLibrary* library) {
     if (library == nullptr)
         throw Refusal{std::string(kPluginSymbol) + "() returned no table", "Use VIABLE_PLUGIN() to export the plugin"};
     // Field by field in this order: what stands behind a field may only be read once it is right.
-    if (library->magic != kPluginMagic) {
-        char numbers[96];
-        std::snprintf(numbers, sizeof numbers, "%016llx instead of %016llx",
-                      static_cast<unsigned long long>(library->magic), static_cast<unsigned long long>(kPluginMagic));
-        throw Refusal{std::string("its table does not begin with viable's magic number (") + numbers +
-                          "): it is not a viable plugin, or one of another generation",
-                      rebuild};
-    }
+    if (library->magic != kPluginMagic)
+        throw Refusal{
+            detail::format("its table does not begin with viable's magic number (%016llx instead of %016llx): "
+                           "it is not a viable plugin, or one of another generation",
+                           static_cast<unsigned long long>(library->magic),
+                           static_cast<unsigned long long>(kPluginMagic)),
+            rebuild};
     // The version stands in the same place in every version; all behind it may have moved.
     constexpr std::size_t kVersionEnd = offsetof(PluginLibrary, stamp) + sizeof(std::uint32_t);
     if (library->size >= kVersionEnd && library->stamp.interfaceVersion != kPluginInterfaceVersion)
@@ -459,9 +444,9 @@ void checkSanitizer(const fs::path& file) {
         throw Refusal{"it was built for another viable: this one, of plugin interface version " +
                           std::to_string(kPluginInterfaceVersion) + ", has no " + demangled.get(),
                       "Build it again with the headers of this viable"};
-    throw Refusal{"the dynamic linker says: " + text,
-                  "Link the plugin to the library that defines this symbol, or build it "
-                  "again with the headers of this viable"};
+    throw Refusal{
+        "the dynamic linker says: " + text,
+        "Link the plugin to the library that defines this symbol, or build it again with the headers of this viable"};
 }
 
 void* openLibrary(const fs::path& file, int more = 0) {
@@ -497,10 +482,9 @@ void tryLibrary(const fs::path& file, double timeout_s) {
         else
             nanosleep(&kLook, nullptr);
     }
-    throw Error(
-        ErrorKind::PluginFailed, nameLibrary(file), "failed while it was loaded: " + lost,
-        "Fix its static objects, describe() and the function of its limits: `gdb --args viable run ...` without "
-        "--isolate shows the line.");
+    throw Error(ErrorKind::PluginFailed, nameLibrary(file), "failed while it was loaded: " + lost,
+                "Fix its static objects, describe() and the function of its limits: `gdb --args viable run ...` "
+                "without --isolate shows the line.");
 }
 
 /** Loads the file (canonical path) and returns its checked table; throws Refusal. */
@@ -541,11 +525,9 @@ const PluginLibrary* loadTable(const fs::path& file, double trial_s) {
     if (handle == nullptr) refuseUnlinked(failure);
     if (!change.empty())
         throw Refusal{
-            "it changed the floating point arithmetic of the whole thread when it was "
-            "loaded (" +
-                change + "; set back)",
-            "Compile and link it without -ffast-math and -Ofast, and change no floating "
-            "point mode in static objects"};
+            "it changed the floating point arithmetic of the whole thread when it was loaded (" + change +
+                "; set back)",
+            "Compile and link it without -ffast-math and -Ofast, and change no floating point mode in static objects"};
     if (refusal) throw *refusal;
     return library;
 }
@@ -636,10 +618,10 @@ Error makeMiss(PluginKind kind, const std::string& request, const std::string& w
     what += closest.empty() || !elsewhere.empty() ? ". " : " ";
     what += available.empty() ? "No " + word + " plugin was found at all" : "Available: " + join(available, ", ");
     what += ". Tried: " + (tried.empty() ? "no folder" : join(tried, ", "));
-    return badInput(where, what,
-                    std::string("Correct the name, give the path of a library, or add its folder "
-                                "to VIABLE_PLUGIN_PATH") +
-                        (std::getenv("VIABLE_PLUGIN_PATH") ? "" : ", which is not set here"));
+    return badInput(
+        where, what,
+        std::string("Correct the name, give the path of a library, or add its folder to VIABLE_PLUGIN_PATH") +
+            (std::getenv("VIABLE_PLUGIN_PATH") ? "" : ", which is not set here"));
 }
 
 // --- Classes in Python ---------------------------------------------------------------------------
@@ -686,9 +668,9 @@ fs::path findPythonLibrary(const std::string& where, const std::vector<fs::path>
     throw badInput(
         where,
         std::string("a plugin in Python needs ") + kPythonLibrary + ", which is not there. Tried: " + join(tried, ", "),
-        "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable "
-        "is built, python3-dev and pybind11-dev, and build the target viable_python. Of a wheel: Python needs its "
-        "shared library (apt-get install libpython3.N); where VIABLE_PYTHON is set, name it in VIABLE_LIBPYTHON");
+        "Install the Debian package python3-viable (apt-get install ./python3-viable_*.deb), or, where viable is "
+        "built, python3-dev and pybind11-dev, and build the target viable_python. Of a wheel: Python needs its shared "
+        "library (apt-get install libpython3.N); where VIABLE_PYTHON is set, name it in VIABLE_LIBPYTHON");
 }
 
 PluginInfo findPython(PluginKind kind, const std::string& request, const std::string& where, const fs::path& folder,
@@ -862,9 +844,8 @@ void* PluginLoader::createObject(const PluginInfo& info) {
         info.entry->destroy(object);
         throw Error(ErrorKind::PluginFailed, info.library.string(),
                     std::string("the ") + getName(info.kind) + " " + quoted(info.name) +
-                        " changed the floating point arithmetic of the whole thread when it was "
-                        "made (" +
-                        change + "; set back)",
+                        " changed the floating point arithmetic of the whole thread when it was made (" + change +
+                        "; set back)",
                     "Compile and link it without -ffast-math and -Ofast");
     }
     return object;

@@ -90,8 +90,7 @@ LimitRow makeClearanceRow() {
     row.headingScale = 1e3;
     row.headingLegend =
         "clearance: smallest distance of an arm from the obstacles and from itself in the whole run; negative: that "
-        "deep "
-        "inside.\n";
+        "deep inside.\n";
     row.tellWorst = tellNearest;
     row.tellArm = tellClearance;
     // The names of links and obstacles are in the metadata.

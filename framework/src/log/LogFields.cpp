@@ -24,28 +24,14 @@ double LogField::getNumber(const TickRecord& record, int i) const {
 
 std::string LogField::getSchemaName() const {
     std::string lower = name;
-    for (char& c : lower) {
+    for (char& c : lower)
         if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-    }
     return lower;
 }
 
 std::string LogField::getSchemaType() const {
-    switch (kind) {
-        case LogKind::JointNumber:
-            return "float64[]";
-        case LogKind::Number:
-            return "float64";
-        case LogKind::Vector:
-            return "float64[" + std::to_string(elements.size()) + "]";
-        case LogKind::JointName:
-            return "string[]";
-        case LogKind::Name:
-            return "string";
-        case LogKind::Integer:
-            return "int64";
-    }
-    return {};
+    if (kind == LogKind::Vector) return "float64[" + std::to_string(elements.size()) + "]";
+    return detail::enumName<LogKind::Integer>(kind, {"float64[]", "float64", "", "string[]", "string", "int64"});
 }
 
 std::string LogChannel::getSchemaText() const {

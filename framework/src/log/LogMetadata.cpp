@@ -40,11 +40,10 @@ std::string writeBlock(Block& block) {
 }
 
 bool readNumber(const json& from, double& x) {
-    const double infinity = std::numeric_limits<double>::infinity();
     if (from.is_number())
         x = from.get<double>();
     else if (from == ".inf" || from == "-.inf")
-        x = from == ".inf" ? infinity : -infinity;
+        x = from == ".inf" ? kInfinity : -kInfinity;
     else
         return false;
     return true;

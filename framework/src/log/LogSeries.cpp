@@ -79,8 +79,6 @@ void LogSeries::beginNext() noexcept {
         makeRoom();
         writer_ = std::make_unique<LogWriter>(nameFile(file_, number_ + 1), opening_);
         ++number_;
-    } catch (const Error& e) {
-        if (status_.error.empty()) status_.error = e.what();
     } catch (const std::exception& e) {
         if (status_.error.empty()) status_.error = e.what();
     }

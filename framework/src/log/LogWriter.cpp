@@ -221,9 +221,8 @@ struct LogWriter::Impl {
     void append(const TickRecord& record) {
         const std::uint64_t time = toLogTime(record.time_s);
         if (chunkRows > 0 && (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
-                              time < chunkFirst || chunk.bytes.size() >= kLargestChunk)) {
+                              time < chunkFirst || chunk.bytes.size() >= kLargestChunk))
             writeChunk();
-        }
         if (chunkRows == 0) {
             chunkFirst = chunkStart = chunkEnd = time;
         } else {
@@ -235,8 +234,7 @@ struct LogWriter::Impl {
             const std::size_t message = chunk.begin(kMessage);
             chunk.putU16(static_cast<std::uint16_t>(c));
             chunk.putU32(static_cast<std::uint32_t>(rows - 1));  // sequence
-            chunk.putU64(time);                                  // log time
-            chunk.putU64(time);                                  // publish time
+            chunk.putU64({time, time});                          // log time, publish time
             const std::size_t origin = chunk.bytes.size();
             putMessage(*channels[c], record, joints(), chunk);
             chunk.end(message);
@@ -273,9 +271,7 @@ struct LogWriter::Impl {
         out.bytes.clear();
         ChunkEntry entry{chunkStart, chunkEnd, status.bytes, 0, {}, 0, packed.size(), chunk.bytes.size()};
         const std::size_t record = out.begin(kChunk);
-        out.putU64(entry.start);
-        out.putU64(entry.end);
-        out.putU64(entry.uncompressed);
+        out.putU64({entry.start, entry.end, entry.uncompressed});
         out.putU32(addToCrc(0, chunk.bytes));
         out.putString(kCompression);
         out.putU64(packed.size());
@@ -287,10 +283,7 @@ struct LogWriter::Impl {
             const std::size_t index = out.begin(kMessageIndex);
             out.putU16(static_cast<std::uint16_t>(c));
             const std::size_t list = out.beginLength32();
-            for (const auto& [time, offset] : indices[c]) {
-                out.putU64(time);
-                out.putU64(offset);
-            }
+            for (const auto& [time, offset] : indices[c]) out.putU64({time, offset});
             out.endLength32(list);
             out.end(index);
         }
@@ -336,8 +329,7 @@ struct LogWriter::Impl {
             out.putU32(static_cast<std::uint32_t>(attachments.size()));
             out.putU32(1);
             out.putU32(static_cast<std::uint32_t>(chunks.size()));
-            out.putU64(startTime);
-            out.putU64(endTime);
+            out.putU64({startTime, endTime});
             const std::size_t list = out.beginLength32();
             for (std::size_t c = 0; c < channels.size(); ++c) {
                 out.putU16(static_cast<std::uint16_t>(c));
@@ -349,10 +341,7 @@ struct LogWriter::Impl {
         addGroup(kChunkIndex, [&] {
             for (const ChunkEntry& entry : chunks) {
                 const std::size_t content = out.begin(kChunkIndex);
-                out.putU64(entry.start);
-                out.putU64(entry.end);
-                out.putU64(entry.offset);
-                out.putU64(entry.length);
+                out.putU64({entry.start, entry.end, entry.offset, entry.length});
                 const std::size_t offsets = out.beginLength32();
                 for (std::size_t c = 0; c < entry.indexOffsets.size(); ++c) {
                     out.putU16(static_cast<std::uint16_t>(c));
@@ -361,19 +350,14 @@ struct LogWriter::Impl {
                 out.endLength32(offsets);
                 out.putU64(entry.indexLength);
                 out.putString(kCompression);
-                out.putU64(entry.compressed);
-                out.putU64(entry.uncompressed);
+                out.putU64({entry.compressed, entry.uncompressed});
                 out.end(content);
             }
         });
         addGroup(kAttachmentIndex, [&] {
             for (const AttachmentEntry& entry : attachments) {
                 const std::size_t content = out.begin(kAttachmentIndex);
-                out.putU64(entry.offset);
-                out.putU64(entry.length);
-                out.putU64(0);
-                out.putU64(0);
-                out.putU64(entry.size);
+                out.putU64({entry.offset, entry.length, 0, 0, entry.size});
                 out.putString(entry.name);
                 out.putString(entry.mediaType);
                 out.end(content);
@@ -381,8 +365,7 @@ struct LogWriter::Impl {
         });
         addGroup(kMetadataIndex, [&] {
             const std::size_t content = out.begin(kMetadataIndex);
-            out.putU64(metadataOffset);
-            out.putU64(metadataLength);
+            out.putU64({metadataOffset, metadataLength});
             out.putString(kMetadataName);
             out.end(content);
         });
@@ -390,13 +373,11 @@ struct LogWriter::Impl {
         for (const Group& group : groups) {
             const std::size_t content = out.begin(kSummaryOffset);
             out.putU8(group.opcode);
-            out.putU64(base + group.start);
-            out.putU64(group.end - group.start);
+            out.putU64({base + group.start, group.end - group.start});
             out.end(content);
         }
         record = out.begin(kFooter);
-        out.putU64(base + summary);
-        out.putU64(base + summaryOffsets);
+        out.putU64({base + summary, base + summaryOffsets});
         // The checksum covers the footer's head, so its length must stand there already.
         out.putU32(0);
         out.end(record);
@@ -418,14 +399,10 @@ struct LogWriter::Impl {
         if (!sink->close(error) && status.ok()) status.error = error.empty() ? "the log could not be closed" : error;
     }
 
-    struct FreeCompressor {
-        void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
-    };
-
     std::unique_ptr<LogSink> sink;
     LogLayout layout;
     std::vector<const LogChannel*> channels;  // those of this layout; the channel's id is the index
-    std::unique_ptr<ZSTD_CCtx, FreeCompressor> compressor;
+    std::unique_ptr<ZSTD_CCtx, std::size_t (*)(ZSTD_CCtx*)> compressor{nullptr, &ZSTD_freeCCtx};
     LogStatus status;
     bool finished = false;
 

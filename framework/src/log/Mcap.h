@@ -46,6 +46,9 @@ public:
     void putU16(std::uint16_t v) { putInteger(v); }
     void putU32(std::uint32_t v) { putInteger(v); }
     void putU64(std::uint64_t v) { putInteger(v); }
+    void putU64(std::initializer_list<std::uint64_t> all) {
+        for (const std::uint64_t v : all) putInteger(v);
+    }
     void putDouble(double v) {
         std::uint64_t bits;
         std::memcpy(&bits, &v, sizeof(bits));
@@ -114,10 +117,9 @@ public:
     std::size_t left() const { return bytes_.size() - position_; }
 
     std::string_view take(std::uint64_t size) {
-        if (size > left()) {
+        if (size > left())
             throw BadBytes(position_, "needs " + std::to_string(size) + " bytes where only " + std::to_string(left()) +
                                           " are left");
-        }
         const std::string_view taken = bytes_.substr(position_, static_cast<std::size_t>(size));
         position_ += taken.size();
         return taken;
@@ -152,9 +154,8 @@ private:
     T readInteger() {
         const std::string_view raw = take(sizeof(T));
         T v = 0;
-        for (std::size_t i = 0; i < sizeof(T); ++i) {
+        for (std::size_t i = 0; i < sizeof(T); ++i)
             v = static_cast<T>(v | static_cast<T>(static_cast<T>(static_cast<unsigned char>(raw[i])) << (8 * i)));
-        }
         return v;
     }
 

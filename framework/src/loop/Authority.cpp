@@ -1,13 +1,9 @@
 #include "loop/Authority.h"
 
 #include <algorithm>
-#include <cmath>
-#include <utility>
 
 #include "core/Text.h"
-#include "robot/PoseSampling.h"
 #include "tracking/InertiaSample.h"
-#include "viable/core/Numbers.h"
 
 namespace viable::detail {
 

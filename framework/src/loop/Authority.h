@@ -1,13 +1,8 @@
 #pragma once
 
-#include <array>
 #include <cmath>
-#include <string>
 
 #include "tracking/TrackingBound.h"
-#include "viable/plugin/Plugin.h"
-#include "viable/plugin/RobustLoop.h"
-#include "viable/robot/Dynamics.h"
 
 namespace viable::detail {
 

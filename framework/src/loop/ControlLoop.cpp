@@ -2,14 +2,10 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <limits>
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
 #include "loop/ToolTouch.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -46,24 +42,20 @@ constexpr char kOnLostTracking[] =
 
 constexpr char kOnOscillation[] =
     "The robust loop is too strong for this arm, its delay or its sensors, or the arm is lighter than its model. "
-    "Nric's "
-    "gains follow from the model where they are left out; give the true masses, inertias and the delay, or smaller "
-    "gains.";
+    "Nric's gains follow from the model where they are left out; give the true masses, inertias and the delay, or "
+    "smaller gains.";
 constexpr char kOnSaturation[] =
     "The motors cannot carry this motion with what acts on the arm: lower the limits of acceleration and jerk, use "
     "whole_arm_braking, which knows the motors (torque_share), or see whether a joint is blocked or a payload too "
     "heavy.";
 constexpr char kOnWeakness[] =
     "It gives less than actuation.yaml says, perhaps less than holding the arm takes: find out why, or correct the "
-    "torque "
-    "limit there and lower the limits of acceleration and jerk.";
+    "torque limit there and lower the limits of acceleration and jerk.";
 constexpr char kOnDrift[] =
     "Something acts on the arm that the robust loop, if there is one, cannot make up for: friction, a payload, a push, "
-    "a "
-    "joint that blocks, a wrong sign. Nric's gains are as large as the model carries where they are left out; rotor "
-    "inertias "
-    "that are missing in actuation.yaml make them small. To run it all the same: `accept_unstable: true` in the block "
-    "robust_loop.";
+    "a joint that blocks, a wrong sign. Nric's gains are as large as the model carries where they are left out; rotor "
+    "inertias that are missing in actuation.yaml make them small. To run it all the same: `accept_unstable: true` in "
+    "the block robust_loop.";
 
 constexpr char kOnWithheld[] =
     "Something holds the arm, pushes it or loads it more than the robust loop may make up for (`viable gains` tells "
@@ -132,16 +124,11 @@ void ControlLoop::reset() {
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
     if (touch_) touch_->reset();
     contact_ = {};
-    const JointVector any = JointVector::Constant(n_, std::numeric_limits<double>::infinity());
     authority_.reset();
     following_.begin(setup_);
-    SensorCheck::Policy policy{SensorCheck::Reference::LastReading,
-                               calcLargestChange(setup_, setup_.limits, options_.bound, authority_),
-                               any,
-                               any,
-                               {},
-                               {},
-                               {}};
+    SensorCheck::Policy policy;
+    policy.largestChange = calcLargestChange(setup_, setup_.limits, options_.bound, authority_);
+    policy.largestSpeed = policy.largestDeviation = JointVector::Constant(n_, kInfinity);
     SensorCheck::setMotion(setup_, policy);
     for (int i = 0; i < n_ && !options_.bound; ++i) policy.largestGrowth[i] = calcLeastJump(setup_.robot, i);
     sensors_.begin(policy, start.q);
@@ -313,8 +300,8 @@ void ControlLoop::checkAnswers() {
         sensors_.standIn(i, nominal(), plausible_);
         char message[LoopStatus::kMessageSize];
         std::snprintf(message, sizeof message,
-                      "%.60s does not answer its motor (%.3g %s were added): its reading stands still, so its "
-                      "encoder is stuck or the joint is held",
+                      "%.60s does not answer its motor (%.3g %s were added): its reading stands still, so its encoder "
+                      "is stuck or the joint is held",
                       getJointName(setup_.robot, i), added, setup_.robot.slides(i) ? "N" : "Nm");
         loop_.beginStop(StopReason::NotFollowing, message, explainStillness(setup_, i));
         holdIntegral();
@@ -381,8 +368,8 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     char message[LoopStatus::kMessageSize];
     if (found.cause == Cause::Oscillation && found.motor >= 0) {
         std::snprintf(message, sizeof message,
-                      "the real arm oscillates: the robust loop drives the motor of %.60s %s and back, "
-                      "and its torque changes sign every %.3g ms or faster",
+                      "the real arm oscillates: the robust loop drives the motor of %.60s %s and back, and its torque "
+                      "changes sign every %.3g ms or faster",
                       getJointName(setup_.robot, found.motor),
                       found.isWithheld ? "to the most that it may add" : "into its torque limit",
                       1e3 * following_.halfPeriod());
@@ -398,10 +385,9 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         std::snprintf(motor, sizeof motor, "%s",
                       setup_.robot.actuation.torqueLimit.array().isInf().any()
                           ? "no torque limit is known of some motors"
-                      : setup_.delayTicks > 0
-                          ? "no motor is at its torque limit (with a delay it is not known whether one gives less than "
-                            "is asked of it)"
-                          : "no motor is at its torque limit");
+                      : setup_.delayTicks > 0 ? "no motor is at its torque limit (with a delay it is not known whether "
+                                                "one gives less than is asked of it)"
+                                              : "no motor is at its torque limit");
         if (found.motor >= 0)
             std::snprintf(motor, sizeof motor, "the motor of %.60s %s", getJointName(setup_.robot, found.motor),
                           found.cause == Cause::Saturation ? "is at its torque limit"
@@ -461,8 +447,8 @@ void ControlLoop::checkReading() {
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
             std::snprintf(message, sizeof message,
-                          "the position that it reports of %.60s jumped by %.4g %s between two readings, where %.4g "
-                          "%s would be more than any motion of it",
+                          "the position that it reports of %.60s jumped by %.4g %s between two readings, where %.4g %s "
+                          "would be more than any motion of it",
                           getJointName(setup_.robot, i), sensors_.calcChange(i, real_, nominal()), unit,
                           sensors_.largestChange(i), unit);
             loop_.beginStop(StopReason::SensorFailed, message, kOnJump);

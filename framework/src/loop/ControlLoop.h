@@ -1,15 +1,8 @@
 #pragma once
 
-#include <array>
-
-#include "loop/Authority.h"
 #include "loop/FollowingWatch.h"
-#include "loop/LoopPlugins.h"
-#include "loop/LoopStatus.h"
 #include "loop/NominalArm.h"
 #include "loop/SensorCheck.h"
-#include "tracking/TrackingBound.h"
-#include "viable/log/TickRecord.h"
 
 namespace viable {
 

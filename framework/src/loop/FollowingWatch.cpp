@@ -1,7 +1,6 @@
 #include "loop/FollowingWatch.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace viable::detail {
 

@@ -1,10 +1,6 @@
 #pragma once
 
-#include <array>
-#include <cstdint>
-
 #include "loop/Authority.h"
-#include "viable/plugin/Plugin.h"
 
 namespace viable::detail {
 

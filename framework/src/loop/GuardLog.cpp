@@ -1,7 +1,5 @@
 #include "viable/loop/GuardLog.h"
 
-#include <utility>
-
 #include "log/LogMetadata.h"
 #include "log/Recorder.h"
 

@@ -2,13 +2,8 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 #include "core/Text.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
-#include "viable/robot/RobotModel.h"
 
 namespace viable {
 
@@ -143,8 +138,7 @@ Dynamics checkGuardStart(const char* guard, const MotionState& start, RunSetup& 
     RobotModel(setup.robot).calcDynamics(start.q, start.qd, dynamics);
     if (!isFinite(dynamics, n) || dynamics.M.llt().info() != Eigen::Success)
         throw badInput(place, "the robot's inertia matrix is not positive definite",
-                       "Give every link that moves a mass and an inertia, in its URDF or in "
-                       "RobotDescription::joints.");
+                       "Give every link that moves a mass and an inertia, in its URDF or in RobotDescription::joints.");
     setup.start = start;
     setup.startTool = dynamics.tool;
     return dynamics;
@@ -159,40 +153,28 @@ GuardStatus findStatus(const ControlLoop& loop, const TickRecord& record) {
 }
 
 GuardStop toGuardStop(StopReason reason) {
-    switch (reason) {
-        case StopReason::None:
-            return GuardStop::None;
-        case StopReason::Requested:
-            return GuardStop::Requested;
-        case StopReason::ControllerFailed:
-            return GuardStop::LawFailed;
-        case StopReason::FilterFailed:
-        case StopReason::FilterEnded:
-            return GuardStop::FilterFailed;
-        case StopReason::RobustLoopFailed:
-            return GuardStop::RobustLoopFailed;
-        case StopReason::GuaranteeBroken:
-            return GuardStop::GuaranteeBroken;
-        case StopReason::TicksMissed:
-            return GuardStop::TicksMissed;
-        case StopReason::NotFollowing:
-            return GuardStop::TooFar;
-        case StopReason::CommandFailed:  // commands of guards do not fail
-        case StopReason::PlantFailed:
-        case StopReason::TrackingLost:  // there is no bound
-        case StopReason::SensorFailed:  // guards judge readings themselves
-            break;
-    }
+    // The others: commands of guards do not fail, there is no bound, and guards judge readings themselves.
+    constexpr std::pair<StopReason, GuardStop> kStops[] = {
+        {StopReason::None, GuardStop::None},
+        {StopReason::Requested, GuardStop::Requested},
+        {StopReason::ControllerFailed, GuardStop::LawFailed},
+        {StopReason::FilterFailed, GuardStop::FilterFailed},
+        {StopReason::FilterEnded, GuardStop::FilterFailed},
+        {StopReason::RobustLoopFailed, GuardStop::RobustLoopFailed},
+        {StopReason::GuaranteeBroken, GuardStop::GuaranteeBroken},
+        {StopReason::TicksMissed, GuardStop::TicksMissed},
+        {StopReason::NotFollowing, GuardStop::TooFar},
+    };
+    for (const auto& [own, told] : kStops)
+        if (own == reason) return told;
     return GuardStop::LibraryFailed;
 }
 
 }  // namespace detail
 
 const char* getName(GuardStatus status) {
-    static const char* const names[] = {"not_started", "passed",   "limited", "recovering",
-                                        "waiting",     "stopping", "stopped", "failed"};
-    const auto i = static_cast<std::size_t>(status);
-    return i < std::size(names) ? names[i] : "unknown";
+    return detail::enumName<GuardStatus::Failed>(
+        status, {"not_started", "passed", "limited", "recovering", "waiting", "stopping", "stopped", "failed"});
 }
 
 }  // namespace viable

@@ -1,14 +1,8 @@
 #pragma once
 
-#include <optional>
-#include <string>
-
-#include "host/PluginLoader.h"
 #include "loop/ControlLoop.h"
 #include "viable/environment/Environment.h"
 #include "viable/loop/GuardStatus.h"
-#include "viable/plugin/Plugin.h"
-#include "viable/robot/RobotDescription.h"
 
 // What the guards of own loops have in common: checks of what they are given once, and words for what comes out.
 

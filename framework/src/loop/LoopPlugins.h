@@ -1,11 +1,6 @@
 #pragma once
 
-#include <array>
-#include <memory>
-
 #include "host/IsolatedPlugin.h"
-#include "host/PluginCall.h"
-#include "host/PluginLoader.h"
 #include "simulation/CommandStream.h"
 
 namespace viable {

@@ -25,19 +25,11 @@ void LoopStatus::end(StopReason reason, const char* message, const char* remedy)
 }
 
 StopReason getStopReason(PluginKind kind) {
-    switch (kind) {
-        case PluginKind::CommandSource:
-            return StopReason::CommandFailed;
-        case PluginKind::NominalController:
-            return StopReason::ControllerFailed;
-        case PluginKind::SafetyFilter:
-            return StopReason::FilterFailed;
-        case PluginKind::RobustLoop:
-            return StopReason::RobustLoopFailed;
-        case PluginKind::RealPlant:
-            return StopReason::PlantFailed;
-    }
-    return StopReason::None;
+    static constexpr std::array kReasons = {StopReason::CommandFailed, StopReason::ControllerFailed,
+                                            StopReason::FilterFailed, StopReason::RobustLoopFailed,
+                                            StopReason::PlantFailed};
+    static_assert(kReasons.size() == kPluginKinds.size(), "a reason for each kind, in their order");
+    return kReasons[static_cast<std::size_t>(kind)];
 }
 
 }  // namespace viable

@@ -1,9 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <cstdio>
-#include <exception>
-
 #include "loop/LoopPlugins.h"
 #include "plugin/FaultExplanation.h"
 

@@ -15,8 +15,7 @@ constexpr char kOnGuarantee[] = "The decision was not applied. Fix the filter, o
 constexpr char kOnFixedLimits[] = "Use `hold_on: nominal`, or a command that leaves the limits alone.";
 constexpr char kOnLimits[] =
     "Give limits for every joint, the lower below the upper, zero between those of velocity, acceleration and jerk; or "
-    "use a "
-    "filter that can change them, such as certified_braking.";
+    "use a filter that can change them, such as certified_braking.";
 constexpr char kOnDivergence[] =
     "Controller and nominal arm diverge: lower its gains or the tick, or use a filter that keeps the limits.";
 

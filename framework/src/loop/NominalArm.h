@@ -1,12 +1,8 @@
 #pragma once
 
-#include <cstdint>
-#include <memory>
-
 #include "loop/LoopStatus.h"
 #include "loop/StageTimer.h"
 #include "loop/StopMonitor.h"
-#include "viable/log/TickRecord.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {

@@ -1,7 +1,5 @@
 #include "viable/loop/NominalPlant.h"
 
-#include "viable/core/JointTypes.h"
-
 namespace viable {
 
 void advanceNominal(const FilterDecision& decision, double tick_s, MotionState& nominal) {

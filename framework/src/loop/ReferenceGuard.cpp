@@ -1,18 +1,10 @@
 #include "viable/loop/ReferenceGuard.h"
 
-#include <algorithm>
-#include <atomic>
-#include <string>
-
 #include "core/Text.h"
 #include "environment/ArmSurroundings.h"
 #include "filter/WholeArmBrakingFilter.h"
-#include "loop/ControlLoop.h"
 #include "loop/GuardSetup.h"
-#include "plugin/CommandReceiver.h"
 #include "viable/braking/Servo.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 

@@ -1,7 +1,6 @@
 #include "loop/SensorCheck.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace viable {
 

@@ -1,12 +1,6 @@
 #pragma once
 
-#include <array>
-#include <cmath>
-#include <cstdint>
-
 #include "loop/Authority.h"
-#include "tracking/TrackingBound.h"
-#include "viable/plugin/Plugin.h"
 
 namespace viable {
 

@@ -6,7 +6,6 @@
 
 #include "braking/BrakingCertificate.h"
 #include "loop/PathExtent.h"
-#include "viable/core/Numbers.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {

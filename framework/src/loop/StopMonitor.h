@@ -1,10 +1,6 @@
 #pragma once
 
-#include <array>
-#include <limits>
-
 #include "viable/log/TickRecord.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable {
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "viable/log/TickRecord.h"
-#include "viable/plugin/Plugin.h"
 #include "viable/plugin/RobustLoop.h"
 #include "viable/robot/RobotModel.h"
 

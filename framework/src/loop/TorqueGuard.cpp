@@ -1,18 +1,11 @@
 #include "viable/loop/TorqueGuard.h"
 
 #include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <cstdio>
-#include <string>
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
-#include "loop/ControlLoop.h"
 #include "loop/GuardSetup.h"
 #include "robot/InertiaModes.h"
-#include "viable/core/Error.h"
-#include "viable/core/Numbers.h"
 #include "viable/tracking/LoopStability.h"
 
 namespace viable {
@@ -430,8 +423,7 @@ void TorqueGuard::Inside::readMeasured(const JointState& measured, const JointVe
     std::snprintf(
         message, sizeof message,
         "joint `%.60s` is %.3g %s from its nominal place, allowed is %.3g %s. Find what blocks, pushes or loads it "
-        "(friction, a payload, a sign or a gravity that is another%s), or raise "
-        "TorqueGuardOptions::largestDeviation",
+        "(friction, a payload, a sign or a gravity that is another%s), or raise TorqueGuardOptions::largestDeviation",
         joint.name.c_str(), arm.deviation(far), unit, options.largestDeviation[far], unit,
         output.motorsSaturated ? "; its motors are at their limits: lower those of acceleration and jerk"
         : output.rateLimited   ? "; the torque changes as fast as the robot accepts: lower the jerk limits"

@@ -120,9 +120,9 @@ std::string forLatencyFile(bool isContainer, int code) {
     if (isContainer && code == EACCES) return "sudo chmod 666 /dev/cpu_dma_latency  # until the container ends";
     if (isContainer) return "# start the container with: docker run --device /dev/cpu_dma_latency";
     return "sudo groupadd -rf realtime && sudo usermod -aG realtime \"$(id -un)\" && echo "
-           "'KERNEL==\"cpu_dma_latency\", "
-           "GROUP=\"realtime\", MODE=\"0660\"' | sudo tee /etc/udev/rules.d/90-viable-latency.rules && sudo udevadm "
-           "control --reload && sudo udevadm trigger --name-match=cpu_dma_latency  # then log in again";
+           "'KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"' | sudo tee "
+           "/etc/udev/rules.d/90-viable-latency.rules && sudo udevadm control --reload && sudo udevadm trigger "
+           "--name-match=cpu_dma_latency  # then log in again";
 }
 
 std::string makeForRoot(const std::string& remedy) {
@@ -159,21 +159,18 @@ void RealTimeState::refuse(std::string what, std::string why, std::string remedy
 
 void RealTimeState::lockMemory(const MemoryRoom& room) {
     const MemoryLock lock = decideMemoryLock(room);
+    std::string why;
     if (lock == MemoryLock::None) {
-        refuse("memory is not locked, and may be paged out",
-               formatMegabytes(room.limit) + " may be locked (ulimit -l), and the process has " +
-                   formatMegabytes(room.size) + " of addresses",
-               remedy::forMemory(isInContainer()));
-        return;
-    }
-    if (mlockall(lock == MemoryLock::All ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) != 0) {
-        const int code = errno;
+        why = formatMegabytes(room.limit) + " may be locked (ulimit -l), and the process has " +
+              formatMegabytes(room.size) + " of addresses";
+    } else if (mlockall(lock == MemoryLock::All ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) != 0) {
+        why = "mlockall: " + describeError(errno);
         munlockall();  // part of it may be locked
-        refuse("memory is not locked, and may be paged out", "mlockall: " + describeError(code),
-               remedy::forMemory(isInContainer()));
+    } else {
+        memoryLock_ = lock;
         return;
     }
-    memoryLock_ = lock;
+    refuse("memory is not locked, and may be paged out", why, remedy::forMemory(isInContainer()));
 }
 
 void RealTimeState::setProcessor(int cpu) {

@@ -28,12 +28,7 @@ WakeUp TickPacer::wait() {
     const bool hasSlept = readClock_ns() < next_ns;
     if (hasSlept) {
         const timespec until{static_cast<time_t>(next_ns / kSecond_ns), static_cast<long>(next_ns % kSecond_ns)};
-        if (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
-            WakeUp interrupted;
-            interrupted.isInterrupted = true;
-            interrupted.tick = tick_;
-            return interrupted;
-        }
+        if (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) return {true, false, tick_};
     }
     return arrive(readClock_ns(), hasSlept);
 }

@@ -23,12 +23,12 @@ ArmGeometry loadArmGeometry(const RobotDescription& robot) {
     const fs::path file = robot.folder / detail::kCollisionFile;
     std::error_code failed;
     if (!fs::exists(file, failed))
-        throw badInput(robot.folder.string(),
-                       "the robot has no " + std::string(detail::kCollisionFile) +
-                           ": it is not known what of it can hit something",
-                       "`viable new robot NAME --urdf " + (robot.folder / urdfName).string() +
-                           "` drafts one from the shapes of the URDF; copy it from there, or "
-                           "write it as robots/README.md says.");
+        throw badInput(
+            robot.folder.string(),
+            "the robot has no " + std::string(detail::kCollisionFile) +
+                ": it is not known what of it can hit something",
+            "`viable new robot NAME --urdf " + (robot.folder / urdfName).string() +
+                "` drafts one from the shapes of the URDF; copy it from there, or write it as robots/README.md says.");
     const detail::CollisionFile read =
         detail::readCollisionFile(file, detail::readUrdf(robot.folder / urdfName), detail::Blanks::Refuse);
 

@@ -54,17 +54,16 @@ private:
     void readLinks(const ConfigNode& node, CollisionFile& file) const {
         if (skipsBlank(node)) return;
         if (node.kind != ConfigNode::Kind::Map || node.entries.empty())
-            throw badInput(node.place(), "there is no link with a capsule",
-                           "Write `LINK: [{from: [x, y, z], to: [x, y, z], radius: r}]` for each "
-                           "link that can hit something.");
+            throw badInput(
+                node.place(), "there is no link with a capsule",
+                "Write `LINK: [{from: [x, y, z], to: [x, y, z], radius: r}]` for each link that can hit something.");
         std::size_t count = 0;
         for (const auto& [name, capsules] : node.entries) {
             const UrdfRobot::LinkPlace& place = findLink(name, capsules);
             if (skipsBlank(capsules)) continue;
             if (capsules.kind != ConfigNode::Kind::List || capsules.items.empty())
                 throw badInput(capsules.place(), "the capsules of a link are a list",
-                               "Write a list of {from, to, radius}; leave out a link that has "
-                               "none.");
+                               "Write a list of {from, to, radius}; leave out a link that has none.");
             LinkShapes& link = file.links.emplace_back();
             link.link = name;
             link.carrier = place.carrier;
@@ -74,8 +73,7 @@ private:
             if (count > kMaxCapsules)
                 throw badInput(capsules.place(),
                                "the robot has more than " + std::to_string(kMaxCapsules) + " capsules",
-                               "All pairs of them are looked at in every tick: use fewer and "
-                               "larger ones.");
+                               "All pairs of them are looked at in every tick: use fewer and larger ones.");
         }
     }
 

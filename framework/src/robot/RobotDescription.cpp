@@ -79,9 +79,7 @@ std::string suggestUrdf(const fs::path& folder, const std::string& name) {
 }
 
 std::string joinNames(const std::vector<std::string>& names) {
-    std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "`" : ", `") + name + "`";
-    return text;
+    return "`" + detail::join(names, "`, `") + "`";
 }
 
 // --------------------------------------------------------------------------------------- limits
@@ -299,15 +297,14 @@ void checkCondition(const RobotDescription& robot, const std::string& where) {
         solver.eigenvectors().col(0).cwiseAbs().maxCoeff(&light);
         solver.eigenvectors().col(n - 1).cwiseAbs().maxCoeff(&heavy);
         const std::string& lightName = robot.joints[light].name;
-        throw badInput(where,
-                       "the inertia matrix is too near to singular: at a pose inside the limits "
-                       "its eigenvalues reach from " +
-                           formatNumber(smallest) + " (mainly joint `" + lightName + "`) to " + formatNumber(largest) +
-                           " kg m^2 (mainly joint `" + robot.joints[heavy].name + "`); allowed is a ratio of " +
-                           formatNumber(kMaxInertiaCondition),
-                       "Give the links that joint `" + lightName +
-                           "` moves their true mass and inertia, or the joint its rotor inertia "
-                           "in actuation.yaml.");
+        throw badInput(
+            where,
+            "the inertia matrix is too near to singular: at a pose inside the limits its eigenvalues reach from " +
+                formatNumber(smallest) + " (mainly joint `" + lightName + "`) to " + formatNumber(largest) +
+                " kg m^2 (mainly joint `" + robot.joints[heavy].name + "`); allowed is a ratio of " +
+                formatNumber(kMaxInertiaCondition),
+            "Give the links that joint `" + lightName +
+                "` moves their true mass and inertia, or the joint its rotor inertia in actuation.yaml.");
     }
 }
 
@@ -337,8 +334,7 @@ double JointFriction::calcViscous(int joint, double speed) const {
 double RobotDescription::encoderStep(int joint) const {
     const double counts = actuation.encoderCounts[joint];
     if (!(counts > 0.0)) return 0.0;
-    const bool slides = joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic;
-    return static_cast<double>((slides ? 1.0 : 2.0 * EIGEN_PI) / counts);  // of a long double: rounded once
+    return static_cast<double>((slides(joint) ? 1.0 : 2.0 * EIGEN_PI) / counts);  // of a long double: rounded once
 }
 
 JointFriction readFriction(const fs::path& actuationFile, const std::vector<std::string>& joints) {

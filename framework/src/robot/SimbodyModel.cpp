@@ -186,11 +186,8 @@ void SimbodyModel::Simulation::calcDynamics(const JointVector& q, const JointVec
 
         const Spatial momentum{carried.inertia * s.angular + carried.moment.cross(s.linear),
                                carried.mass * s.linear + s.angular.cross(carried.moment)};
-        for (int i = j; i >= 0; i = joints[i].parent) {
-            const double entry = axis[i].angular.dot(momentum.angular) + axis[i].linear.dot(momentum.linear);
-            out.M(i, j) = entry;
-            out.M(j, i) = entry;
-        }
+        for (int i = j; i >= 0; i = joints[i].parent)
+            out.M(i, j) = out.M(j, i) = axis[i].angular.dot(momentum.angular) + axis[i].linear.dot(momentum.linear);
         out.M(j, j) += rotorInertia[j];
 
         const int parent = joints[j].parent;

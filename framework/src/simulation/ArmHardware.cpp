@@ -37,16 +37,13 @@ void ArmHardware::configure(const RunSetup& setup, const ArmHardwareOptions& opt
     torqueLimit_ = actuation.torqueLimit * options.torqueLimitFactor;
     ripple_ = options.torqueRipple.expand(n_);
     ripplePerRad_ = options.torqueRipplePerTurn.expand(n_);
+    hasFriction_ = !options.isFrictionless;
+    const PerJoint& scale = options.frictionScale;
     for (int i = 0; i < n_; ++i) {
         // Twice per turn of the wave generator: Kennedy and Desai, "Modeling and control of the Mitsubishi
         // PA-10 robot arm harmonic drive system", IEEE/ASME Trans. Mechatronics 10 (2005).
         if (ripplePerRad_[i] == 0.0) ripplePerRad_[i] = 2.0 * actuation.gearRatio[i];
-        if (robot_.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic) ripplePerRad_[i] *= 2.0 * EIGEN_PI;
-    }
-
-    hasFriction_ = !options.isFrictionless;
-    const PerJoint& scale = options.frictionScale;
-    for (int i = 0; i < n_; ++i) {
+        if (robot_.slides(i)) ripplePerRad_[i] *= 2.0 * EIGEN_PI;
         FrictionLaw& law = friction_[static_cast<std::size_t>(i)];
         law.coulomb = scale[i] * actuation.friction.coulomb[i];
         law.breakaway = options.breakawayRatio * law.coulomb;

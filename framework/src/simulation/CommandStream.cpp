@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "robot/PoseSampling.h"
+
 namespace viable {
 
 namespace {
@@ -24,16 +26,11 @@ void CommandStream::reset(const MotionCommand& first) {
     gapBegin_s_ = kInfinity;
 }
 
-/** Evenly in [0, 1): the standard's engine is the same with every library, its distributions are not. */
-double CommandStream::draw(std::mt19937_64& engine) {
-    return static_cast<double>(engine() >> 11) * 0x1p-53;
-}
-
 bool CommandStream::isGap(double t) {
     if (options_.gap_s <= 0.0) return false;
     for (; static_cast<double>(gaps_) * options_.gapEvery_s <= t; ++gaps_)
         gapBegin_s_ = static_cast<double>(gaps_) * options_.gapEvery_s +
-                      draw(gapEngine_) * (options_.gapEvery_s - options_.gap_s);
+                      detail::drawShare(gapEngine_) * (options_.gapEvery_s - options_.gap_s);
     return t >= gapBegin_s_ && t < gapBegin_s_ + options_.gap_s;
 }
 
@@ -49,8 +46,8 @@ void CommandStream::pass(double t, const MotionCommand& sent, MotionCommand& rec
         // Delays are below a period, but samples are sent at ticks: the one on its way comes before the next.
         if (hasOneOnItsWay_) receiver_.take(t, onItsWay_);
         hasOneOnItsWay_ = false;
-        const double late = draw(engine_) * options_.jitter / options_.rate_hz;
-        const bool isLost = draw(engine_) < options_.loss;
+        const double late = detail::drawShare(engine_) * options_.jitter / options_.rate_hz;
+        const bool isLost = detail::drawShare(engine_) < options_.loss;
         const bool isFirst = next_ == 0;
         next_ = static_cast<std::int64_t>(index) + 1;
         if (isFirst || !(isGap(t) || isLost)) {

@@ -27,8 +27,7 @@ struct StreamOptions {
             .upTo(1e5);
         v(between, "between", "hold|interpolate|extrapolate",
           "What the command is between two samples: the newest one at rest; straight to the newest one, which is "
-          "reached when "
-          "the next is due; on from the newest as the last two went.");
+          "reached when the next is due; on from the newest as the last two went.");
         v(seed, "seed", "Of what is drawn.").atLeast(0);
     }
 };
@@ -47,7 +46,6 @@ public:
     void pass(double t, const MotionCommand& sent, MotionCommand& received);
 
 private:
-    static double draw(std::mt19937_64& engine);
     bool isGap(double t);
 
     StreamOptions options_;

@@ -93,13 +93,10 @@ public:
             }
         return t;
     }
-    JointMatrix calcInertia(const JointVector& q) {
+    /** Valid until the next call. */
+    const Dynamics& calcAtRest(const JointVector& q) {
         model_.calcDynamics(q, JointVector::Zero(n_), dynamics_);
-        return dynamics_.M;
-    }
-    JointVector calcGravity(const JointVector& q) {
-        model_.calcDynamics(q, JointVector::Zero(n_), dynamics_);
-        return dynamics_.gravity;
+        return dynamics_;
     }
 
 private:
@@ -216,7 +213,7 @@ private:
             }
         }
         TiltTorques calc(const JointVector& q) {
-            return {arms_[0]->calcGravity(q), arms_[1]->calcGravity(q), arms_[2]->calcGravity(q)};
+            return {arms_[0]->calcAtRest(q).gravity, arms_[1]->calcAtRest(q).gravity, arms_[2]->calcAtRest(q).gravity};
         }
 
     private:
@@ -426,7 +423,7 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
         }
         if (pose >= kLoopPoses) continue;
         for (const auto* all : {&arms, &mixed})
-            for (const auto& arm : *all) x.inertias.push_back({q, arm->calcInertia(q)});
+            for (const auto& arm : *all) x.inertias.push_back({q, arm->calcAtRest(q).M});
     }
     // A loop is nearest to instability, and a joint moves most easily, in poses that a sample hardly meets: near singular ones. More
     // mass anywhere makes no mode faster and no joint easier to move, so that these need the heaviest and the lightest arms alone.
@@ -434,7 +431,7 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
     for (const auto& each : arms) {
         Arm& arm = *each;
         const auto add = [&](const auto& figure) {
-            const auto calc = [&](const JointVector& q) { return figure(arm.calcInertia(q)); };
+            const auto calc = [&](const JointVector& q) { return figure(arm.calcAtRest(q).M); };
             const JointVector* best = &poses.front();
             double largest = -INFINITY;
             for (const JointVector& q : poses)
@@ -443,7 +440,7 @@ ArmExtremes findArmExtremes(const RobotDescription& robot, const JointLimits& li
                     best = &q;
                 }
             const JointVector q = climb(*best, range, calc);
-            x.inertias.push_back({q, arm.calcInertia(q)});
+            x.inertias.push_back({q, arm.calcAtRest(q).M});
         };
         add([&](const JointMatrix& M) { return findModes(M, gain).eigenvalues()[n - 1]; });
         add([&](const JointMatrix& M) { return -findModes(M, gain).eigenvalues()[0]; });

@@ -4,7 +4,6 @@
 
 #include "robot/PoseSampling.h"
 #include "viable/plugin/RobustLoop.h"
-#include "viable/robot/RobotDescription.h"
 
 namespace viable::detail {
 

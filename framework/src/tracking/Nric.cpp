@@ -16,7 +16,7 @@ namespace {
 constexpr int kWithheldTicks = 3;
 
 /** The numbers of `n` joints. */
-JointVector expand(const PerJoint& values, const std::string& place, const char* what, int n) {
+JointVector expand(const PerJoint& values, const std::string& place, const std::string& what, int n) {
     if (!values.fits(n))
         throw badInput(place,
                        std::to_string(values.count()) + " " + what + "; the robot has " + std::to_string(n) + " joints",
@@ -24,29 +24,20 @@ JointVector expand(const PerJoint& values, const std::string& place, const char*
     return values.expand(n);
 }
 
-/** The gains of `n` joints, checked. */
-JointVector expandGains(const PerJoint& gains, const char* name, int n) {
-    const std::string place = std::string("NricOptions::") + name;
-    const JointVector values = expand(gains, place, "gains", n);
-    for (int i = 0; i < n; ++i)
-        if (!(values[i] >= 0.0) || std::isinf(values[i]))
-            throw badInput(place,
-                           "the gain of joint " + std::to_string(i) + " is " + detail::formatNumber(values[i]) +
-                               "; allowed is [0, inf)",
-                           "Without the robust loop: leave it out.");
-    return values;
-}
+/** A gain may be 0, and is finite; a bound is above 0, and may be infinite. */
+enum class Option { Gain, Bound };
 
-/** The bounds of `n` joints, checked. */
-JointVector expandBounds(const PerJoint& bounds, const char* name, int n) {
-    const std::string place = std::string("NricOptions::") + name;
-    const JointVector values = expand(bounds, place, "bounds", n);
+/** The gains or bounds of `n` joints, checked. */
+JointVector expandOption(const PerJoint& option, Option kind, const char* name, int n) {
+    const bool isGain = kind == Option::Gain;
+    const std::string place = std::string("NricOptions::") + name, what = isGain ? "gain" : "bound";
+    const JointVector values = expand(option, place, what + "s", n);
     for (int i = 0; i < n; ++i)
-        if (!(values[i] > 0.0))
+        if (isGain ? !(values[i] >= 0.0) || std::isinf(values[i]) : !(values[i] > 0.0))
             throw badInput(place,
-                           "the bound of joint " + std::to_string(i) + " is " + detail::formatNumber(values[i]) +
-                               "; allowed is above 0, or infinity",
-                           "Without this bound: infinity.");
+                           "the " + what + " of joint " + std::to_string(i) + " is " + detail::formatNumber(values[i]) +
+                               "; allowed is " + (isGain ? "[0, inf)" : "above 0, or infinity"),
+                           isGain ? "Without the robust loop: leave it out." : "Without this bound: infinity.");
     return values;
 }
 
@@ -120,14 +111,14 @@ void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
 void Nric::configure(const RunSetup& setup, const NricOptions& options) {
     n_ = setup.size();
     tick_s_ = setup.tick_s;
-    loop_ = {expandGains(options.kr, "kr", n_),
-             expandGains(options.kp, "kp", n_),
-             expandGains(options.ki, "ki", n_),
-             expandBounds(options.integralLimit, "integralLimit", n_),
-             expandBounds(options.torqueRate, "torqueRate", n_),
+    loop_ = {expandOption(options.kr, Option::Gain, "kr", n_),
+             expandOption(options.kp, Option::Gain, "kp", n_),
+             expandOption(options.ki, Option::Gain, "ki", n_),
+             expandOption(options.integralLimit, Option::Bound, "integralLimit", n_),
+             expandOption(options.torqueRate, Option::Bound, "torqueRate", n_),
              options.inertiaRate,
              detail::expandFriction(options.friction, n_),
-             expandBounds(options.motorRate, "motorRate", n_)};
+             expandOption(options.motorRate, Option::Bound, "motorRate", n_)};
     feedsFriction_ = loop_.friction.isActive();
     if (!(options.inertiaRate > 0.0))
         throw badInput("NricOptions::inertiaRate",

@@ -11,11 +11,7 @@ namespace viable {
 
 namespace {
 
-using detail::ArmExtremes;
-using detail::FrozenLoop;
-using detail::LoopGains;
-using detail::LoopOutput;
-using detail::TorqueRange;
+using detail::ArmExtremes, detail::FrozenLoop, detail::LoopGains, detail::LoopOutput, detail::TorqueRange;
 using Eigen::MatrixXd;
 
 /** Of the fixed point; far below what the sample of poses leaves open. */
@@ -370,13 +366,13 @@ private:
             const double v = motion_.velocity[i];
             const auto check = [&](const char* what, double fed, double most) {
                 if (fed <= most * (1.0 + kRounding) + kNothing_Nm) return;
-                throw badInput(
-                    place_,
-                    std::string("what is fed forward as ") + what + " friction of " +
-                        robot_.joints[static_cast<std::size_t>(i)].name + " is up to " + detail::format("%.4g", fed) +
-                        " Nm; within the disturbance_set it is at most " + detail::format("%.4g", most) + " Nm",
-                    "friction_scale and friction_scale_min of the set are factors on the robot's own figures: state "
-                    "those that cover the figures that are fed forward, or feed less.");
+                throw badInput(place_,
+                               std::string("what is fed forward as ") + what + " friction of " +
+                                   robot_.joints[static_cast<std::size_t>(i)].name + " is up to " +
+                                   detail::format("%.4g", fed) + " Nm; within the disturbance_set it is at most " +
+                                   detail::format("%.4g", most) + " Nm",
+                               "friction_scale and friction_scale_min of the set are factors on the robot's own "
+                               "figures: state those that cover the figures that are fed forward, or feed less.");
             };
             check("dry", feed_.figures.coulomb[i], calcStanding(i));
             check("viscous", feed_.figures.calcViscous(i, v), set_.frictionScale[i] * calcViscous(i, v));

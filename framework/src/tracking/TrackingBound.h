@@ -52,8 +52,7 @@ struct DisturbanceSet {
             .orInfinite();
         v(readingError_rad, "reading_error_rad", "rad",
           "Largest error of a reading besides its rounding; of a plant with encoder_noise_rad (a standard deviation, "
-          "cut at "
-          "four) four times that.")
+          "cut at four) four times that.")
             .atLeast(0);
         v(delayTicks, "delay_ticks", "Between the computed torque and the motors.").atLeast(0).upTo(20);
     }

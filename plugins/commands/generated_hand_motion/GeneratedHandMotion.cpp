@@ -6,6 +6,7 @@
 
 #include "core/MinimumJerk.h"
 #include "core/RotationVector.h"
+#include "core/Text.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -72,17 +73,16 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
     start_ = setup.startTool;
     const auto [seed, reach, rotation, fastest, slowest, topSpeed, pause, tremor_m, tremor_rad] =
         parameters.get<GeneratedHandMotionOptions>();
-    char message[160];
-    if (slowest < fastest) {
-        std::snprintf(message, sizeof message, "slowest_s = %g s is shorter than fastest_s = %g s", slowest, fastest);
-        throw badInput(parameters.place("slowest_s"), message, "Give a time that is not shorter than fastest_s");
-    }
+    if (slowest < fastest)
+        throw badInput(parameters.place("slowest_s"),
+                       detail::format("slowest_s = %g s is shorter than fastest_s = %g s", slowest, fastest),
+                       "Give a time that is not shorter than fastest_s");
     const double end = setup.duration_s + kMargin_s;
-    if (!(end / fastest <= kMostReaches)) {
-        std::snprintf(message, sizeof message, "a run of %g s may need more than %g reaches of fastest_s = %g s",
-                      setup.duration_s, kMostReaches, fastest);
-        throw badInput(parameters.place("fastest_s"), message, "Make the run shorter or fastest_s longer");
-    }
+    if (!(end / fastest <= kMostReaches))
+        throw badInput(parameters.place("fastest_s"),
+                       detail::format("a run of %g s may need more than %g reaches of fastest_s = %g s",
+                                      setup.duration_s, kMostReaches, fastest),
+                       "Make the run shorter or fastest_s longer");
 
     // Two streams, so that more reaches never change the tremor, nor the tremor the reaches.
     Draw tremorDraw(seed, 1);
@@ -98,10 +98,7 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
     Vector6 from = Vector6::Zero();
     for (double t = 0.0; t < end;) {
         Vector6 to;
-        for (int axis = 0; axis < 3; ++axis) {
-            const double extent = reach[axis];
-            to[axis] = draw.between(-extent, extent);
-        }
+        for (int axis = 0; axis < 3; ++axis) to[axis] = draw.between(-reach[axis], reach[axis]);
         to.tail<3>() = draw.inBall(rotation);
         const Vector6 way = to - from;
         const double shortest = kMinimumJerkPeakSlope * way.head<3>().norm() / topSpeed;
@@ -111,8 +108,6 @@ void GeneratedHandMotion::configure(const RunSetup& setup, const Parameters& par
         from = to;
     }
 }
-
-void GeneratedHandMotion::reset(const MotionState&) {}  // sample() keeps no memory
 
 TickStatus GeneratedHandMotion::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;

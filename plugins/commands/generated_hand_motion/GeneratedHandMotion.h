@@ -25,7 +25,7 @@ public:
     static constexpr double kTremorLowest_Hz = 8.0, kTremorHighest_Hz = 12.0;
 
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override {}  // sample() keeps no memory
     CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double t, MotionCommand& out) override;
 

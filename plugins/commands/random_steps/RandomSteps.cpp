@@ -52,10 +52,10 @@ void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters)
     for (int i = 0; i < setup.size(); ++i) {
         const double lower = setup.limits.position.lower[i], upper = setup.limits.position.upper[i];
         if (!std::isfinite(lower) || !std::isfinite(upper))
-            throw badInput(parameters.resolved().place(),
-                           "the command random_steps needs a position limit on both sides of " +
-                               setup.robot.joints[static_cast<std::size_t>(i)].name,
-                           "Set limits.position_rad, or use the command waypoints.");
+            throw badInput(
+                parameters.resolved().place(),
+                "the command random_steps needs a position limit on both sides of " + setup.robot.joints[i].name,
+                "Set limits.position_rad, or use the command waypoints.");
         // The standard's engine is the same with every library, its distributions are not.
         std::seed_seq words{static_cast<std::uint32_t>(options.seed), static_cast<std::uint32_t>(options.seed >> 32),
                             static_cast<std::uint32_t>(i)};
@@ -67,14 +67,10 @@ void RandomSteps::configure(const RunSetup& setup, const Parameters& parameters)
             const bool isBeyond = draw(0.0, 1.0) < options.beyondShare;
             const double inside = draw(lower, upper), side = draw(-1.0, 1.0);
             const double past = draw(0.0, options.beyond);
-            joints_[static_cast<std::size_t>(i)].push_back({t, !isBeyond    ? inside
-                                                               : side < 0.0 ? lower - past
-                                                                            : upper + past});
+            joints_[i].push_back({t, !isBeyond ? inside : side < 0.0 ? lower - past : upper + past});
         }
     }
 }
-
-void RandomSteps::reset(const MotionState&) {}  // sample() keeps no memory
 
 TickStatus RandomSteps::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
@@ -83,7 +79,7 @@ TickStatus RandomSteps::sample(double t, MotionCommand& out) {
     out.q.resize(n);
     out.qd.setZero(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-        const std::vector<Step>& steps = joints_[static_cast<std::size_t>(i)];
+        const std::vector<Step>& steps = joints_[i];
         const auto next = std::upper_bound(steps.begin(), steps.end(), t,
                                            [](double s, const Step& step) { return s < step.begin_s; });
         out.q[i] = (next - 1)->position;

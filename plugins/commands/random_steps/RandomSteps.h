@@ -19,7 +19,7 @@ public:
     static constexpr double kMargin_s = 10.0;
 
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override {}  // sample() keeps no memory
     CommandTraits traits() const override { return {MotionCommand::Space::Joint}; }
     TickStatus sample(double t, MotionCommand& out) override;
 

@@ -4,26 +4,20 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
-#include <string_view>
 
 #include "core/RotationVector.h"
+#include "core/Text.h"
 #include "viable/core/Error.h"
 
 namespace viable {
 
 namespace {
 
+using detail::format;
+
 constexpr std::size_t kLongestLine = 4096;
 constexpr std::array<const char*, 8> kColumns = {"time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"};
-
-template <class... Args>
-std::string print(const char* format, Args... args) {
-    char buffer[320];
-    std::snprintf(buffer, sizeof buffer, format, args...);
-    return buffer;
-}
 
 std::string_view trim(std::string_view s) {
     const auto first = s.find_first_not_of(" \t\r");
@@ -74,8 +68,7 @@ std::array<std::size_t, 8> findColumns(const std::vector<std::string_view>& head
             throw badInput(where,
                            std::string("there is no column '") + kColumns[c] + "'" +
                                (closest.empty() ? "" : "; the closest is '" + closest + "'"),
-                           "The first line must name the columns time_s,x_m,y_m,z_m,qx,qy,qz,qw, in "
-                           "any order");
+                           "The first line must name the columns time_s,x_m,y_m,z_m,qx,qy,qz,qw, in any order");
         }
         if (std::find(found + 1, names.end(), kColumns[c]) != names.end())
             throw badInput(where, std::string("the column '") + kColumns[c] + "' stands there twice",
@@ -99,25 +92,17 @@ struct Gap {
     if (gaps.size() == 1)
         throw badInput(
             file + ":" + std::to_string(gaps[0].to),
-            print("gap of %.6g s since line %d, but max_gap_s is %g s", gaps[0].length_s, gaps[0].from, maxGap_s),
+            format("gap of %.6g s since line %d, but max_gap_s is %g s", gaps[0].length_s, gaps[0].from, maxGap_s),
             remedy);
     std::string list;
     for (std::size_t i = 0; i < std::min(gaps.size(), kShown); ++i)
-        list += (i > 0 ? ", " : "") + print("%.6g s before line %d", gaps[i].length_s, gaps[i].to);
+        list += (i > 0 ? ", " : "") + format("%.6g s before line %d", gaps[i].length_s, gaps[i].to);
     if (gaps.size() > kShown) {
         const auto isShorter = [](const Gap& a, const Gap& b) { return a.length_s < b.length_s; };
-        list += print(" and %zu more, the longest of all %.6g s", gaps.size() - kShown,
-                      std::max_element(gaps.begin(), gaps.end(), isShorter)->length_s);
+        list += format(" and %zu more, the longest of all %.6g s", gaps.size() - kShown,
+                       std::max_element(gaps.begin(), gaps.end(), isShorter)->length_s);
     }
-    throw badInput(file, print("%zu gaps, but max_gap_s is %g s: ", gaps.size(), maxGap_s) + list, remedy);
-}
-
-void checkOrder(const TimedPose& last, int lastLine, double lastStamp, const TimedPose& now, double stamp,
-                const std::string& where) {
-    if (!(now.time_s > last.time_s))
-        throw badInput(where,
-                       print("time stamp %.9f s is not later than %.9f s on line %d", stamp, lastStamp, lastLine),
-                       "Sort the recording and remove samples with the same stamp");
+    throw badInput(file, format("%zu gaps, but max_gap_s is %g s: ", gaps.size(), maxGap_s) + list, remedy);
 }
 
 void checkStep(const TimedPose& last, int lastLine, const TimedPose& now, const std::string& where) {
@@ -125,15 +110,13 @@ void checkStep(const TimedPose& last, int lastLine, const TimedPose& now, const 
     const double speed = (now.position - last.position).norm() / step;
     if (speed > kTopSpeed_mps)
         throw badInput(
-            where, print("moves at %.4g m/s from line %d to here, faster than %g m/s", speed, lastLine, kTopSpeed_mps),
-            "Positions are in metres and stamps in seconds; remove samples in which the "
-            "tracker jumped");
+            where, format("moves at %.4g m/s from line %d to here, faster than %g m/s", speed, lastLine, kTopSpeed_mps),
+            "Positions are in metres and stamps in seconds; remove samples in which the tracker jumped");
     const double turn = calcRotationVector(now.orientation * last.orientation.conjugate()).norm();
     if (turn > kTopStep_rad)
         throw badInput(
-            where, print("turns by %.4g rad from line %d to here, more than %.4g rad", turn, lastLine, kTopStep_rad),
-            "Quaternions are written qx qy qz qw; remove samples in which the tracker "
-            "jumped");
+            where, format("turns by %.4g rad from line %d to here, more than %.4g rad", turn, lastLine, kTopStep_rad),
+            "Quaternions are written qx qy qz qw; remove samples in which the tracker jumped");
 }
 
 }  // namespace
@@ -178,7 +161,7 @@ std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::pat
         }
         split(text, isCsv, fields);
         if (fields.size() != columnCount)
-            throw badInput(where, print("%zu columns instead of %zu", fields.size(), columnCount),
+            throw badInput(where, format("%zu columns instead of %zu", fields.size(), columnCount),
                            isCsv ? "Every line needs as many values as the first line has names"
                                  : "A line is 'timestamp tx ty tz qx qy qz qw', separated by blanks");
         std::array<double, 8> v{};
@@ -188,13 +171,15 @@ std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::pat
         TimedPose now{v[0] - origin, {v[1], v[2], v[3]}, {v[7], v[4], v[5], v[6]}};
         const double norm = now.orientation.norm();
         if (!(std::abs(norm - 1.0) <= kUnitTolerance))
-            throw badInput(where, print("the quaternion has length %.6g instead of 1 (+-%g)", norm, kUnitTolerance),
-                           "Quaternions are written qx qy qz qw; remove lines in which tracking was "
-                           "lost");
+            throw badInput(where, format("the quaternion has length %.6g instead of 1 (+-%g)", norm, kUnitTolerance),
+                           "Quaternions are written qx qy qz qw; remove lines in which tracking was lost");
         now.orientation.normalize();
         if (count > 0) {
             const TimedPose& last = parts.back().back();
-            checkOrder(last, lastNumber, lastStamp, now, v[0], where);
+            if (!(now.time_s > last.time_s))
+                throw badInput(
+                    where, format("time stamp %.9f s is not later than %.9f s on line %d", v[0], lastStamp, lastNumber),
+                    "Sort the recording and remove samples with the same stamp");
             if (const double step = now.time_s - last.time_s; step <= checks.maxGap_s) {
                 checkStep(last, lastNumber, now, where);
             } else {
@@ -203,7 +188,7 @@ std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::pat
             }
         }
         if (count == kMostSamples)
-            throw badInput(where, print("more than %zu samples", kMostSamples), "Cut the recording");
+            throw badInput(where, format("more than %zu samples", kMostSamples), "Cut the recording");
         parts.back().push_back(now);
         ++count;
         lastStamp = v[0];
@@ -212,9 +197,8 @@ std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::pat
     if (stream.bad()) throw badInput(file.string(), "could not be read to its end", "Check the disk");
     if (!gaps.empty() && !checks.splitsAtGaps) refuseGaps(gaps, file.string(), checks.maxGap_s);
     if (count < kFewestSamples)
-        throw badInput(file.string(), print("%zu samples, but at least %zu are needed", count, kFewestSamples),
-                       "A line is 'timestamp tx ty tz qx qy qz qw', or CSV with a line of column "
-                       "names");
+        throw badInput(file.string(), format("%zu samples, but at least %zu are needed", count, kFewestSamples),
+                       "A line is 'timestamp tx ty tz qx qy qz qw', or CSV with a line of column names");
     return parts;
 }
 

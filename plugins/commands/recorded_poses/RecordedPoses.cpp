@@ -5,6 +5,7 @@
 
 #include "core/MinimumJerk.h"
 #include "core/RotationVector.h"
+#include "core/Text.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -49,15 +50,14 @@ struct RecordedPosesOptions {
 Eigen::Matrix3d checkAxes(const Eigen::Matrix3d& axes, const Parameters& parameters) {
     const double deviation = (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
     const double determinant = axes.determinant();
-    if (!(deviation <= kAxesTolerance) || determinant < 0.0) {
-        char message[200];
-        std::snprintf(message, sizeof message,
-                      "axes is not a rotation: its rows deviate by %.3g from unit length and right "
-                      "angles (at most %g), and its determinant is %.6g instead of 1",
-                      deviation, kAxesTolerance, determinant);
-        throw badInput(parameters.place("axes"), message,
-                       "Give the recording's axes seen from the robot's base, row by row");
-    }
+    if (!(deviation <= kAxesTolerance) || determinant < 0.0)
+        throw badInput(
+            parameters.place("axes"),
+            detail::format(
+                "axes is not a rotation: its rows deviate by %.3g from unit length and right angles (at most %g), "
+                "and its determinant is %.6g instead of 1",
+                deviation, kAxesTolerance, determinant),
+            "Give the recording's axes seen from the robot's base, row by row");
     return Eigen::Quaterniond(axes).normalized().toRotationMatrix();
 }
 
@@ -76,16 +76,13 @@ std::vector<TimedPose> makeRelative(const std::vector<TimedPose>& samples, const
         turn.vec() = axes * turn.vec();
         if (rotationScale != 1.0) {
             const Eigen::Vector3d r = calcRotationVector(turn);
-            if (r.norm() > kPi - kHalfTurnMargin_rad) {
-                char message[200];
-                std::snprintf(message, sizeof message,
-                              "rotation_scale cannot be %g: at %.3f s the recording has turned by "
-                              "%.4g rad from "
-                              "its beginning, and a half turn has no unique direction to scale",
-                              rotationScale, now.time_s, r.norm());
-                throw badInput(parameters.place("rotation_scale"), message,
-                               "Set rotation_scale to 1 or use another part of the recording");
-            }
+            if (r.norm() > kPi - kHalfTurnMargin_rad)
+                throw badInput(
+                    parameters.place("rotation_scale"),
+                    detail::format("rotation_scale cannot be %g: at %.3f s the recording has turned by %.4g rad from "
+                                   "its beginning, and a half turn has no unique direction to scale",
+                                   rotationScale, now.time_s, r.norm()),
+                    "Set rotation_scale to 1 or use another part of the recording");
             turn = calcRotation(rotationScale * r);
         }
         result.push_back({now.time_s - origin.time_s, begin.position + scale * axes * (now.position - origin.position),
@@ -112,14 +109,12 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
         part.erase(part.begin(), std::lower_bound(part.begin(), part.end(), start, isBefore));
         left += part.size();
     }
-    char message[200];
-    if (left < kFewestSamples) {
-        std::snprintf(message, sizeof message,
-                      "start_s = %g s leaves %zu samples of a recording of %.6g s, but at least "
-                      "%zu are needed",
-                      start, left, length, kFewestSamples);
-        throw badInput(parameters.place("start_s"), message, "Begin earlier in " + file.string());
-    }
+    if (left < kFewestSamples)
+        throw badInput(
+            parameters.place("start_s"),
+            detail::format("start_s = %g s leaves %zu samples of a recording of %.6g s, but at least %zu are needed",
+                           start, left, length, kFewestSamples),
+            "Begin earlier in " + file.string());
     parts_.clear();
     double longest = 0.0, first = 0.0;
     TimedPose now{0.0, Eigen::Vector3d::Zero(), Eigen::Quaterniond::Identity()};
@@ -135,22 +130,16 @@ void RecordedPoses::configure(const RunSetup& setup, const Parameters& parameter
         parts_.push_back({begin, {}});
         parts_.back().spline.fit(relative);
     }
-    if (parts_.empty() && longest == 0.0) {
-        std::snprintf(message, sizeof message, "no part of the recording without a gap has %zu samples",
-                      kFewestSamples);
-        throw badInput(parameters.place("gaps"), message,
+    if (parts_.empty() && longest == 0.0)
+        throw badInput(parameters.place("gaps"),
+                       detail::format("no part of the recording without a gap has %zu samples", kFewestSamples),
                        "Allow longer gaps (max_gap_s), or take another recording than " + file.string());
-    }
-    if (parts_.empty()) {
-        std::snprintf(message, sizeof message,
-                      "clutch_s = %g s is longer than the part of the recording in use, %.6g s%s", clutch_s_, longest,
-                      parts.size() > 1 ? " (the longest without a gap)" : "");
-        throw badInput(parameters.place("clutch_s"), message,
+    if (parts_.empty())
+        throw badInput(parameters.place("clutch_s"),
+                       detail::format("clutch_s = %g s is longer than the part of the recording in use, %.6g s%s",
+                                      clutch_s_, longest, parts.size() > 1 ? " (the longest without a gap)" : ""),
                        "Give a shorter time or a longer part of " + file.string());
-    }
 }
-
-void RecordedPoses::reset(const MotionState&) {}  // sample() keeps no memory
 
 /** The part that is played at `t`, or was played last. */
 const RecordedPoses::Part& RecordedPoses::findPart(double t) const {

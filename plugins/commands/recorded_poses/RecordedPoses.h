@@ -22,7 +22,7 @@ Real time: no allocation, lock or throw after configure(); O(log samples) per ca
 class RecordedPoses : public CommandSource {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override {}  // sample() keeps no memory
     CommandTraits traits() const override { return {MotionCommand::Space::Tool}; }
     TickStatus sample(double t, MotionCommand& out) override;
 

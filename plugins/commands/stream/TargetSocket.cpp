@@ -131,9 +131,8 @@ void TargetSocket::drain() noexcept {
 
 std::ptrdiff_t TargetSocket::receive(void* to, std::size_t capacity) noexcept {
     senderSize_ = sizeof sender_;
-    const ssize_t size = ::recvfrom(socket_, to, capacity, MSG_DONTWAIT | MSG_TRUNC,
-                                    reinterpret_cast<sockaddr*>(&sender_), &senderSize_);
-    return size < 0 ? -1 : size;
+    return ::recvfrom(socket_, to, capacity, MSG_DONTWAIT | MSG_TRUNC, reinterpret_cast<sockaddr*>(&sender_),
+                      &senderSize_);
 }
 
 void TargetSocket::answer(const void* from, std::size_t size) noexcept {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/Text.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -33,16 +34,14 @@ constexpr double kFarthest_m = 1e3;
 
 Eigen::Quaterniond checkAxes(const Eigen::Matrix3d& axes, const Parameters& parameters) {
     const double deviation = (axes * axes.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-    if (!(deviation <= kAxesTolerance) || axes.determinant() < 0.0) {
-        char message[200];
-        std::snprintf(
-            message, sizeof message,
-            "axes is not a rotation: its rows deviate by %.3g from unit length and right angles (at most %g), "
-            "and its determinant is %.6g instead of 1",
-            deviation, kAxesTolerance, axes.determinant());
-        throw badInput(parameters.place("axes"), message,
-                       "Give the device's axes seen from the robot's base, row by row");
-    }
+    if (!(deviation <= kAxesTolerance) || axes.determinant() < 0.0)
+        throw badInput(
+            parameters.place("axes"),
+            detail::format(
+                "axes is not a rotation: its rows deviate by %.3g from unit length and right angles (at most %g), "
+                "and its determinant is %.6g instead of 1",
+                deviation, kAxesTolerance, axes.determinant()),
+            "Give the device's axes seen from the robot's base, row by row");
     return Eigen::Quaterniond(axes).normalized();
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/MinimumJerk.h"
+#include "core/Text.h"
 #include "viable/plugin/PluginExport.h"
 
 namespace viable {
@@ -15,9 +16,7 @@ namespace {
 constexpr double kTimeTolerance_s = 1e-9;
 
 std::string text(double value) {
-    char buffer[32];
-    std::snprintf(buffer, sizeof buffer, "%.10g", value);
-    return buffer;
+    return detail::format("%.10g", value);
 }
 
 // Where row i stands in the file.

@@ -29,8 +29,6 @@ void JointPd::configure(const RunSetup& setup, const Parameters& parameters) {
     feedforward_ = options.feedforward ? 1.0 : 0.0;
 }
 
-void JointPd::reset(const MotionState&) {}
-
 TickStatus JointPd::compute(const ControllerInput& input, ControllerOutput& output) {
     const auto& [command, nominal, dynamics, tick] = input;
     if (command.space != MotionCommand::Space::Joint || !isFinite(command.q, n_) || !isFinite(command.qd, n_) ||

@@ -12,7 +12,7 @@ Real time: no allocation, lock or throw after configure(). */
 class JointPd : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override {}
     ControllerTraits traits() const override { return {true, false}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 

@@ -45,10 +45,6 @@ void TaskSpacePd::configure(const RunSetup& setup, const Parameters& parameters)
     gravityShare_ = options_.carriesGravity ? 1.0 : 0.0;
 }
 
-void TaskSpacePd::reset(const MotionState&) {
-    lastError_ = Eigen::Quaterniond::Identity();
-}
-
 Eigen::Vector3d TaskSpacePd::calcOrientationError(const Eigen::Quaterniond& desired,
                                                   const Eigen::Quaterniond& present) {
     Eigen::Quaterniond error = desired * present.conjugate();

@@ -55,7 +55,7 @@ Real time: no allocation, lock or throw after configure(). */
 class TaskSpacePd : public NominalController {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override { lastError_ = Eigen::Quaterniond::Identity(); }
     ControllerTraits traits() const override { return {false, true}; }
     TickStatus compute(const ControllerInput& input, ControllerOutput& output) override;
 

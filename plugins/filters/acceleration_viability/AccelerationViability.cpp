@@ -20,10 +20,6 @@ void AccelerationViability::configure(const RunSetup& setup, const Parameters& p
     choice_.configure(limits_.acceleration);
 }
 
-void AccelerationViability::reset(const MotionState&) {
-    choice_.reset();
-}
-
 AccelerationViability::Bound AccelerationViability::calcUpperBound(double v, double toLimit, double V, double A,
                                                                    double Ad) const {
     Bound bound{A, LimitKind::Acceleration};

@@ -33,7 +33,7 @@ Real time: no allocation, lock or throw after configure(). */
 class AccelerationViability : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override { choice_.reset(); }
     FilterTraits traits() const override { return {}; }
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 

@@ -11,12 +11,9 @@ void JerkLimitedRate::configure(const RunSetup& setup, const Parameters& paramet
     for (const JointBounds* bounds : {&limits_.acceleration, &limits_.jerk})
         if (!bounds->lower.allFinite() || !bounds->upper.allFinite())
             throw badInput(parameters.resolved().place(),
-                           "the filter jerk_limited_rate needs finite acceleration and jerk limits on "
-                           "every joint",
+                           "the filter jerk_limited_rate needs finite acceleration and jerk limits on every joint",
                            "Set limits.acceleration_radps2 and limits.jerk_radps3.");
 }
-
-void JerkLimitedRate::reset(const MotionState&) {}  // v and a are the nominal arm's
 
 double JerkLimitedRate::calcAcceleration(double v, double a, double desired, const AxisLimits& l,
                                          JointIntervention& acting) const {

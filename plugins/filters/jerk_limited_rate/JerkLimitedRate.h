@@ -22,7 +22,7 @@ Real time: no allocation, lock or throw after configure(). */
 class JerkLimitedRate : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override {}  // v and a are the nominal arm's
     FilterTraits traits() const override { return {}; }
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 

@@ -9,8 +9,6 @@ void PassThrough::configure(const RunSetup& setup, const Parameters&) {
     tick_s_ = setup.tick_s;
 }
 
-void PassThrough::reset(const MotionState&) {}
-
 FilterStatus PassThrough::filter(const FilterInput& input, FilterDecision& decision) {
     if (!isFinite(input, n_)) return FilterStatus::InvalidInput;
     if (!calcDesiredAcceleration(input, tick_s_, acceleration_)) return FilterStatus::Faulted;

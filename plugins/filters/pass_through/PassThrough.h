@@ -12,7 +12,7 @@ Real time: no allocation, lock or throw after configure(). */
 class PassThrough : public SafetyFilter {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState&) override {}
     FilterTraits traits() const override { return {}; }
     FilterStatus filter(const FilterInput& input, FilterDecision& decision) override;
 

@@ -4,8 +4,6 @@
 
 namespace viable {
 
-Tosbp::Tosbp() : BrakingPolicyFilter("tosbp") {}
-
 BrakingStop Tosbp::calcStop(double v, double a, const AxisLimits& limits) const {
     return calcStationaryStop(v, a, limits);
 }

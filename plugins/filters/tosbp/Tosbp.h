@@ -13,7 +13,7 @@ Guarantees: jerk and acceleration limits at every tick; position and velocity on
 Real time: no allocation, lock or throw after configure(). */
 class Tosbp : public BrakingPolicyFilter {
 public:
-    Tosbp();
+    Tosbp() : BrakingPolicyFilter("tosbp") {}
 
 private:
     BrakingStop calcStop(double v, double a, const AxisLimits& limits) const override;

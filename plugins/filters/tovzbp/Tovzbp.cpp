@@ -4,8 +4,6 @@
 
 namespace viable {
 
-Tovzbp::Tovzbp() : BrakingPolicyFilter("tovzbp") {}
-
 BrakingStop Tovzbp::calcStop(double v, double a, const AxisLimits& limits) const {
     const bool isUpward = v > 0.0 || (v == 0.0 && a >= 0.0);
     return calcVelocityZeroingStop(v, a, limits, isUpward ? LimitSide::Upper : LimitSide::Lower);

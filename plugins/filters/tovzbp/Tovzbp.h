@@ -18,7 +18,7 @@ Guarantees: jerk and acceleration limits at every tick; nothing about position a
 Real time: no allocation, lock or throw after configure(). */
 class Tovzbp : public BrakingPolicyFilter {
 public:
-    Tovzbp();
+    Tovzbp() : BrakingPolicyFilter("tovzbp") {}
 
 private:
     BrakingStop calcStop(double v, double a, const AxisLimits& limits) const override;

@@ -22,8 +22,7 @@ void VelocityDamper::configure(const RunSetup& setup, const Parameters& paramete
         const AxisLimits axis = setup.limits.axis(i);
         if (axis.positionUpper - axis.positionLower < 2.0 * options_.safety_rad)
             throw badInput(parameters.place("safety_rad"),
-                           "the safety distances of " + setup.robot.joints[static_cast<std::size_t>(i)].name +
-                               " leave no room: its range is " +
+                           "the safety distances of " + setup.robot.joints[i].name + " leave no room: its range is " +
                                std::to_string(axis.positionUpper - axis.positionLower) + " rad",
                            "Choose safety_rad at most half of the range.");
     }
@@ -57,6 +56,5 @@ JerkIntervalFilter::Rows VelocityDamper::calcRows(const AxisState& s, const Axis
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::SafetyFilter, viable::VelocityDamper, "velocity_damper",
-              "Velocity dampers near position limits (Faverjon and Tournassoud), the other limits "
-              "for one tick.",
+              "Velocity dampers near position limits (Faverjon and Tournassoud), the other limits for one tick.",
               viable::VelocityDamperOptions)

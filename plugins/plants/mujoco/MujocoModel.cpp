@@ -111,15 +111,14 @@ std::string writeUrdf(const RobotDescription& robot) {
              << "\"/><mass value=\"" << body.mass << "\"/><inertia ixx=\"" << I(0, 0) << "\" ixy=\"" << I(0, 1)
              << "\" ixz=\"" << I(0, 2) << "\" iyy=\"" << I(1, 1) << "\" iyz=\"" << I(1, 2) << "\" izz=\"" << I(2, 2)
              << "\"/></inertial></link>";
-        const std::string parent =
-            joint.parent < 0 ? "base of all joints" : robot.joints[static_cast<std::size_t>(joint.parent)].childLink;
+        const std::string parent = joint.parent < 0 ? "base of all joints" : robot.joints[joint.parent].childLink;
         text << "<joint name=\"" << joint.name << "\" type=\""
              << (joint.type == JointType::Prismatic ? "prismatic" : "continuous") << "\">"
              << writeOrigin(joint.placement) << "<parent link=\"" << parent << "\"/><child link=\"" << joint.childLink
              << "\"/><axis xyz=\"" << writeNumbers(joint.axis)
              << "\"/><limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>";
     }
-    const std::string& carrier = robot.joints[static_cast<std::size_t>(robot.toolParent)].childLink;
+    const std::string& carrier = robot.joints[robot.toolParent].childLink;
     if (robot.toolLink != carrier)
         text << "<link name=\"" << robot.toolLink << "\"/><joint name=\"tool of all joints\" type=\"fixed\">"
              << writeOrigin(robot.toolPlacement) << "<parent link=\"" << carrier << "\"/><child link=\""

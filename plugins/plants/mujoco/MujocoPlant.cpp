@@ -112,7 +112,7 @@ std::vector<MujocoShape> MujocoPlant::listShapes(const RunSetup& setup, const Co
     const RobotDescription& robot = hardware_.robot();
     const auto add = [&](int carrier, mjtGeom type, double radius, double half, const Eigen::Isometry3d& pose) {
         carriers_.push_back(carrier);
-        const std::string& link = robot.joints[static_cast<std::size_t>(carrier)].childLink;
+        const std::string& link = robot.joints[carrier].childLink;
         shapes.push_back({link, type, {radius, half, 0.0}, pose});
     };
     add(robot.toolParent, mjGEOM_SPHERE, options.toolRadius, 0.0, robot.toolPlacement);
@@ -134,7 +134,7 @@ void MujocoPlant::configureContact(const RunSetup& setup, const ContactOptions& 
     mjModel& m = mujoco_->model();
     const std::vector<int>& geoms = mujoco_->geoms();
     shapes_.assign(geoms.size(), 0);
-    for (std::size_t k = 0; k < geoms.size(); ++k) shapes_[static_cast<std::size_t>(geoms[k])] = k;
+    for (std::size_t k = 0; k < geoms.size(); ++k) shapes_[geoms[k]] = k;
     std::vector<ArmContact::Point> ends;  // two of each shape of the arm
     const auto ofArm = [&](std::size_t k) { return geoms[geoms.size() - carriers_.size() + k]; };
     for (std::size_t k = 0; k < carriers_.size(); ++k) {
@@ -174,7 +174,7 @@ void MujocoPlant::findJoints(const std::string& source) {
     const mjModel& m = mujoco_->model();
     const std::vector<std::string> names = hardware_.robot().jointNames();
     for (int i = 0; i < n_; ++i) {
-        const std::string& name = names[static_cast<std::size_t>(i)];
+        const std::string& name = names[i];
         const int joint = mj_name2id(&m, mjOBJ_JOINT, name.c_str());
         if (joint < 0 || m.nv != n_ || m.nq != n_)
             throw badInput(source,
@@ -182,7 +182,7 @@ void MujocoPlant::findJoints(const std::string& source) {
                                " degrees of freedom" + (joint < 0 ? " and no `" + name + "`" : "") + "; there are " +
                                std::to_string(n_),
                            "Use the plant simbody for this robot.");
-        dof_[static_cast<std::size_t>(i)] = m.jnt_dofadr[joint];
+        dof_[i] = m.jnt_dofadr[joint];
     }
 }
 
@@ -273,7 +273,7 @@ void MujocoPlant::correctDepths() {
         Vector point(contact.pos), in(contact.frame);
         if (m.geom_type[solid] == mjGEOM_CYLINDER) {
             const Vector centre(d.geom_xpos + 3 * ball);
-            const Solid& cylinder = solids_[shapes_[static_cast<std::size_t>(solid)]];
+            const Solid& cylinder = solids_[shapes_[solid]];
             const ArmContact::Shortest way = ArmContact::findShortest(cylinder, axes.transpose() * (centre - place));
             contact.dist = way.distance - radius;
             in = -(axes * way.normal);
@@ -289,8 +289,7 @@ void MujocoPlant::correctDepths() {
 }
 
 MujocoPlant::Touch MujocoPlant::readTouch(const mjContact& contact) const {
-    const std::size_t first = shapes_[static_cast<std::size_t>(contact.geom1)],
-                      second = shapes_[static_cast<std::size_t>(contact.geom2)],
+    const std::size_t first = shapes_[contact.geom1], second = shapes_[contact.geom2],
                       obstacles = shapes_.size() - carriers_.size();
     const bool isSecondOfArm = second >= obstacles;
     return {isSecondOfArm ? first : second, carriers_[(isSecondOfArm ? second : first) - obstacles],
@@ -428,8 +427,7 @@ TickStatus MujocoPlant::advance(const JointVector& torque, JointVector& applied)
 
 }  // namespace viable
 
-VIABLE_PLUGIN(viable::RealPlant, viable::MujocoPlant, "mujoco",
-              "The arm in simulation by another engine: MuJoCo, with its own reading of the URDF "
-              "and its own dry "
-              "friction.",
-              viable::MujocoPlantOptions)
+VIABLE_PLUGIN(
+    viable::RealPlant, viable::MujocoPlant, "mujoco",
+    "The arm in simulation by another engine: MuJoCo, with its own reading of the URDF and its own dry friction.",
+    viable::MujocoPlantOptions)

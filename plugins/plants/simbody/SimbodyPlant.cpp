@@ -22,8 +22,7 @@ struct SimbodyPlantOptions {
         hardware.describe(v);
         v(isRecursive, "dynamics", "simbody|recursion",
           "What computes M and b: Simbody, independent of the nominal arm's, or the nominal arm's recursion, the same "
-          "to "
-          "rounding and several times as fast.");
+          "to rounding and several times as fast.");
         motorRate.describe(v);
         v(backlash, "backlash_rad", "rad", "Width of the gap in each gear; where none has one, the gears are rigid.")
             .atLeast(0);
@@ -103,8 +102,7 @@ void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& param
         throw badInput(
             parameters.place("substeps"),
             std::to_string(hardware_.substeps()) +
-                " is too few for backlash: rotors and links swing on the gears' springs "
-                "with up to " +
+                " is too few for backlash: rotors and links swing on the gears' springs with up to " +
                 std::to_string(std::lround(fastest / (2.0 * EIGEN_PI))) + " Hz",
             "Write substeps: " + std::to_string(std::lround(needed)) + " or more, or a smaller gear_stiffness_Nmprad.");
 }
@@ -123,10 +121,6 @@ void SimbodyPlant::reset(const MotionState& start) {
     contact_.reset();
     time_s_ = 0.0;
     external_ = hardware_.externalTorque();
-}
-
-JointState SimbodyPlant::encoders() const {
-    return hasGears_ ? JointState{rotor_.q - zeroOffset_, rotor_.qd} : link_;
 }
 
 void SimbodyPlant::calcFriction(const JointMatrix& M, const JointVector& v, const JointVector& push) {
@@ -314,6 +308,5 @@ TickStatus SimbodyPlant::advance(const JointVector& torque, JointVector& applied
 }  // namespace viable
 
 VIABLE_PLUGIN(viable::RealPlant, viable::SimbodyPlant, "simbody",
-              "The arm in simulation: Simbody's multibody model with friction, payload, backlash, motors "
-              "and sensors.",
+              "The arm in simulation: Simbody's multibody model with friction, payload, backlash, motors and sensors.",
               viable::SimbodyPlantOptions)

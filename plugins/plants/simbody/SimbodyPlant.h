@@ -55,7 +55,7 @@ private:
     bool stepWithGears(const JointVector& motor);
     /** Adds what the surroundings do to the arm `after_s` after the beginning of the sub-step. */
     void addContact(double after_s, const JointState& arm, JointVector& torque) const;
-    JointState encoders() const;
+    JointState encoders() const { return hasGears_ ? JointState{rotor_.q - zeroOffset_, rotor_.qd} : link_; }
 
     int n_ = 0;
     ArmHardware hardware_;

@@ -4,12 +4,6 @@
 
 namespace viable {
 
-void None::configure(const RunSetup& setup, const Parameters&) {
-    n_ = setup.size();
-}
-
-void None::reset(const MotionState&) {}
-
 TickStatus None::compute(const JointState& real, const MotionState& nominal, const JointVector& filterTorque,
                          JointVector& torque) {
     if (!isFinite(real, n_) || !isFinite(nominal, n_) || !isFinite(filterTorque, n_)) return TickStatus::InvalidInput;

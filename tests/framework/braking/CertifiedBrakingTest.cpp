@@ -119,9 +119,7 @@ TEST(Fault25, SkippedTicksRunTheStoredStopsAndThenOperationResumes) {
             if (std::uniform_int_distribution<int>(0, 99)(random) == 0) {
                 arm.miss(missed);
                 ++gaps;
-                if (missed == 1000) {
-                    ASSERT_LE(arm.state.qd.norm() + arm.state.qdd.norm(), 1e-10);
-                }
+                if (missed == 1000) ASSERT_LE(arm.state.qd.norm() + arm.state.qdd.norm(), 1e-10);
             }
             ASSERT_NE(arm.tick(push.next()), Status::Recovering) << missed << " missed, tick " << k;
             moved += arm.decision.value.norm() > 1.0;

@@ -20,8 +20,7 @@ TEST(GridStop, StopsOnTheGridWithinAccelerationAndJerkLimits) {
             continue;  // such limits are refused by checkLimits
         GridStop plan;
         ASSERT_TRUE(plan.plan(v, a, l, dt)) << "v " << v << " a " << a << " dt " << dt;
-        const StationaryStop best = calcStationaryStop(v, a, l);
-        const double bestTicks = best.duration() / dt;
+        const double bestTicks = calcStationaryStop(v, a, l).duration() / dt;
         ratios.push_back(plan.remainingTicks() / (bestTicks + 2.0));
         AxisState s{0, v, a};
         // Rounding of one part in 2^53 per tick, in acceleration and through it in velocity.
@@ -60,8 +59,7 @@ TEST(GridStop, NearTheSwitchingCurveItIsAsFastAsElsewhere) {
                          1e-4 * std::normal_distribution<>()(random);
         GridStop plan;
         ASSERT_TRUE(plan.plan(v, a, l, dt));
-        const StationaryStop best = calcStationaryStop(v, a, l);
-        const double delay = plan.remainingTicks() - best.duration() / dt;
+        const double delay = plan.remainingTicks() - calcStationaryStop(v, a, l).duration() / dt;
         if (delay > worst) worst = delay, worstV = v, worstA = a, worstDt = dt;
         ratios.push_back(delay);
     }

@@ -120,10 +120,7 @@ double calcLeastTime(const AxisState& s, const AxisLimits& l) {
         (isFar ? high : low) = t;
     }
     const AxisState x = accelerate(low);
-    if (calcVelocityPeak(x.v, x.a, l) <= l.velocityUpper) {
-        const StationaryStop stop = calcStationaryStop(x.v, x.a, l);
-        return low + stop.duration();
-    }
+    if (calcVelocityPeak(x.v, x.a, l) <= l.velocityUpper) return low + calcStationaryStop(x.v, x.a, l).duration();
     const double V = l.velocityUpper;
     const StationaryStop to = calcStationaryStop(s.v - V, s.a, l), from = calcStationaryStop(V, 0.0, l);
     const double toTime = to.duration();
@@ -152,8 +149,8 @@ TEST(Servo, ATargetAtRestIsReachedInTheLeastTimeWithoutOvershootAndHeld) {
         const double target =
             std::uniform_real_distribution<double>(0.99 * l.positionLower, 0.99 * l.positionUpper)(random);
         ServedJoint joint(l, draw.tick_s, draw.start);
-        const StationaryStop stop = calcStationaryStop(draw.start.v, draw.start.a, l);
-        const double side = draw.start.p + stop.displacement <= target ? 1.0 : -1.0;
+        const double side =
+            draw.start.p + calcStationaryStop(draw.start.v, draw.start.a, l).displacement <= target ? 1.0 : -1.0;
         const double least = calcLeastTime({draw.start.p - target, draw.start.v, draw.start.a}, l);
         const int allowed = static_cast<int>(std::ceil(1.1 * least / draw.tick_s)) + 3;
         // Of 1e5 states one stops before its target in continuous time only, by 1e-6 of the range.

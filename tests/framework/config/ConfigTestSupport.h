@@ -36,9 +36,8 @@ inline bool isSameTree(const ConfigNode& a, const ConfigNode& b) {
         if (!isSameTree(a.items[i], b.items[i])) return false;
     }
     for (std::size_t i = 0; i < a.entries.size(); ++i) {
-        if (a.entries[i].first != b.entries[i].first || !isSameTree(a.entries[i].second, b.entries[i].second)) {
+        if (a.entries[i].first != b.entries[i].first || !isSameTree(a.entries[i].second, b.entries[i].second))
             return false;
-        }
     }
     return true;
 }
@@ -57,6 +56,7 @@ inline double measure_ms(const std::function<void()>& action) {
 
 using test::catchError;
 using test::expectContains;
+using test::expectError;
 using test::TemporaryFolder;
 
 inline std::string repeat(const std::string& text, int times) {

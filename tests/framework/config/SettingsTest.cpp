@@ -111,9 +111,8 @@ TEST(Parameters, ResolvedBlockIsCompleteAndReadsBackToTheSame) {
 TEST(Parameters, MissingRequiredParameterIsExplained) {
     const ParameterSpec specs[] = {
         makeRow(ParameterType::Number, "k_alpha", "1/s", nullptr, "Rate of approach to a limit.").above(0)};
-    expectContains(
-        catchError([&] { readParameters(makeBlock("{plugin: x}"), specs, 1, 3); }),
-        {"f.yaml:1:8: block: `k_alpha` [1/s] is missing: Rate of approach to a limit.", "Add `k_alpha: ...`"});
+    expectError({"f.yaml:1:8: block: `k_alpha` [1/s] is missing: Rate of approach to a limit.", "Add `k_alpha: ...`"},
+                [&] { readParameters(makeBlock("{plugin: x}"), specs, 1, 3); });
     EXPECT_EQ(readParameters(makeBlock("{k_alpha: 5}"), specs, 1, 3).resolved().find("k_alpha")->text, "5");
 }
 
@@ -159,19 +158,18 @@ TEST(Parameters, RangeOfIntegersFollowsOpenAndFractionalBounds) {
     const auto readCount = [&](const std::string& text) { return readParameters(makeBlock(text), specs, 2, 3); };
     EXPECT_EQ(readCount("{n: 1}").resolved().find("n")->text, "1");
     EXPECT_EQ(readCount("{n: 4, m: 2}").resolved().find("m")->text, "2");
-    expectContains(catchError([&] { readCount("{n: 0}"); }), {"[1, 4]"});
-    expectContains(catchError([&] { readCount("{n: 5}"); }), {"[1, 4]"});
-    expectContains(catchError([&] { readCount("{n: 1, m: 3}"); }), {"[1, 2]"});
+    expectError({"[1, 4]"}, [&] { readCount("{n: 0}"); });
+    expectError({"[1, 4]"}, [&] { readCount("{n: 5}"); });
+    expectError({"[1, 2]"}, [&] { readCount("{n: 1, m: 3}"); });
 }
 
 TEST(Parameters, DefaultThatDoesNotFitSaysSo) {
     const ParameterSpec specs[] = {makeRow(ParameterType::JointNumbers, "gain", "", "[1, 2, 3, 4, 5, 6]", "Gain.")};
     EXPECT_EQ(readParameters(makeBlock("{}"), specs, 1, 6).resolved().find("gain")->items[5].text, "6");
-    expectContains(catchError([&] { readParameters(makeBlock("{}"), specs, 1, 7); }),
-                   {"default of gain: block.gain", "list of 7 numbers", "it is a list of 6"});
+    expectError({"default of gain: block.gain", "list of 7 numbers", "it is a list of 6"},
+                [&] { readParameters(makeBlock("{}"), specs, 1, 7); });
     const ParameterSpec wrong[] = {makeRow(ParameterType::Number, "k", "", "-1", "K.").above(0)};
-    expectContains(catchError([&] { readParameters(makeBlock("{}"), wrong, 1, 7); }),
-                   {"default of k: block.k: -1 is out of range"});
+    expectError({"default of k: block.k: -1 is out of range"}, [&] { readParameters(makeBlock("{}"), wrong, 1, 7); });
     EXPECT_EQ(readParameters(makeBlock("{k: 2}"), wrong, 1, 7).resolved().find("k")->text, "2");
 }
 
@@ -227,8 +225,7 @@ TEST(Parameters, Fault11_FileMissingFolderOrDanglingLink) {
     expectContains(refuseFile("/dev/null"), {"is no regular file"});
     expectContains(refuseFile("[a]"), {"must be text"});
     const ParameterSpec required[] = {makeRow(ParameterType::File, "poses", "", nullptr, "Recorded motion.")};
-    expectContains(catchError([&] { readParameters(makeBlock("{poses: ''}"), required, 1, 3); }),
-                   {"block.poses", "is empty"});
+    expectError({"block.poses", "is empty"}, [&] { readParameters(makeBlock("{poses: ''}"), required, 1, 3); });
 }
 
 struct Misspelt {
@@ -242,25 +239,23 @@ struct Misspelt {
 
 TEST(Parameters, MistakesOfThePluginAreItsOwn) {
     const Parameters p = read("{}");
-    expectContains(catchError([&] { p.get<Misspelt>(); }, ErrorKind::PluginFailed),
-                   {"f.yaml:1:8: block", "`gama`, which it does not declare"});
-    expectContains(catchError([&] { p.place("x"); }, ErrorKind::PluginFailed), {"`x`"});
+    expectError({"f.yaml:1:8: block", "`gama`, which it does not declare"}, ErrorKind::PluginFailed,
+                [&] { p.get<Misspelt>(); });
+    expectError({"`x`"}, ErrorKind::PluginFailed, [&] { p.place("x"); });
     const ParameterSpec twice[] = {makeRow(ParameterType::Flag, "a", "", "true", ""),
                                    makeRow(ParameterType::Flag, "a", "", "true", "")};
-    expectContains(catchError([&] { readParameters(makeBlock("{}"), twice, 2, 3); }, ErrorKind::PluginFailed),
-                   {"`a` twice"});
+    expectError({"`a` twice"}, ErrorKind::PluginFailed, [&] { readParameters(makeBlock("{}"), twice, 2, 3); });
     const ParameterSpec reserved[] = {makeRow(ParameterType::Text, "plugin", "", "x", "")};
-    expectContains(catchError([&] { readParameters(makeBlock("{}"), reserved, 1, 3); }, ErrorKind::PluginFailed),
-                   {"named `plugin`"});
+    expectError({"named `plugin`"}, ErrorKind::PluginFailed, [&] { readParameters(makeBlock("{}"), reserved, 1, 3); });
 }
 
 TEST(Parameters, DescriptionShowsEveryDeclaration) {
-    const std::string text = describeParameters(kSpecs, kCount);
-    expectContains(text, {"gamma [1/s]: number in (0, 1000]; default 20\n",
-                          "force_limit_N [N]: number in (0, inf) or .inf; default .inf\n",
-                          "seed: whole number from 0; default 7\n", "window: hann, box; default box\n",
-                          "map: file; default \"\"\n", "waypoints [rad]: list of lists of 2 to 3 numbers; default []\n",
-                          "axis: list of 3 numbers; default [0, 0, 1]\n", "How fast the jerk follows."});
+    expectContains(describeParameters(kSpecs, kCount),
+                   {"gamma [1/s]: number in (0, 1000]; default 20\n",
+                    "force_limit_N [N]: number in (0, inf) or .inf; default .inf\n",
+                    "seed: whole number from 0; default 7\n", "window: hann, box; default box\n",
+                    "map: file; default \"\"\n", "waypoints [rad]: list of lists of 2 to 3 numbers; default []\n",
+                    "axis: list of 3 numbers; default [0, 0, 1]\n", "How fast the jerk follows."});
     const ParameterSpec required[] = {makeRow(ParameterType::File, "poses", "", nullptr, "Recorded motion.")};
     EXPECT_EQ(describeParameters(required, 1), "  poses: file; required\n      Recorded motion.\n");
     EXPECT_EQ(describeParameters(nullptr, 0), "  (no parameters)\n");
@@ -348,8 +343,8 @@ TEST(Settings, OneLineIsReadCheckedToldAndInTheSchema) {
     EXPECT_EQ(readGrip("{force_N: 60}").get<Grip>().force_N, 60.0);
     EXPECT_EQ(readGrip("{}").get<Grip>().force_N, 40.0);
     EXPECT_EQ(readGrip("{}").resolved().find("force_N")->text, "40");
-    expectContains(catchError([&] { readGrip("{force_N: 200}"); }),
-                   {"f.yaml:1:18: block.force_N: 200 is out of range; allowed is (0, 140]"});
+    expectError({"f.yaml:1:18: block.force_N: 200 is out of range; allowed is (0, 140]"},
+                [&] { readGrip("{force_N: 200}"); });
     EXPECT_EQ(describeParameters(rows.data(), 1),
               "  force_N [N]: number in (0, 140]; default 40\n      How hard the gripper closes.\n");
     expectContains(describeParametersAsMarkdown(rows.data(), 1),

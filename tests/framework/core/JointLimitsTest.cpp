@@ -212,8 +212,7 @@ bool isAccepted(const JointLimits& limits, double tick_s) {
 }
 
 TEST(JointLimits, AreUsableSaysWhatCheckLimitsSays) {
-    const double values[] = {0.0,      1e-320, 1e-7, 1e-6, 1e-3,      1.0,
-                             12 * kPi, 1e7,    1e8,  -1.0, kInfinity, std::numeric_limits<double>::quiet_NaN()};
+    const double values[] = {0.0, 1e-320, 1e-7, 1e-6, 1e-3, 1.0, 12 * kPi, 1e7, 1e8, -1.0, kInfinity, kNan};
     int accepted = 0, refused = 0;
     for (JointBounds JointLimits::*bounds :
          {&JointLimits::position, &JointLimits::velocity, &JointLimits::acceleration, &JointLimits::jerk})

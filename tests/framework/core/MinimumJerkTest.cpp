@@ -36,9 +36,7 @@ TEST(MinimumJerk, IntegralAgreesWithASum) {
     const int n = 10000;
     for (int i = 0; i < n; ++i) {
         sum += calcMinimumJerk((i + 0.5) / n).value / n;
-        if ((i + 1) % 1000 == 0) {
-            EXPECT_NEAR(calcMinimumJerkIntegral((i + 1.0) / n), sum, 1e-8) << i;
-        }
+        if ((i + 1) % 1000 == 0) EXPECT_NEAR(calcMinimumJerkIntegral((i + 1.0) / n), sum, 1e-8) << i;
     }
     EXPECT_DOUBLE_EQ(calcMinimumJerkIntegral(1.0), 0.5);
 }

@@ -34,8 +34,7 @@ TEST(RotationVector, AgreesWithAngleAxisAndComesBack) {
 
 TEST(RotationVector, TakesTheShortWayBeyondAHalfTurn) {
     const Eigen::Vector3d axis = Eigen::Vector3d(1.0, 2.0, -2.0) / 3.0;
-    const Eigen::Vector3d back = calcRotationVector(calcRotation(4.0 * axis));
-    EXPECT_LE((back - (4.0 - 2.0 * kPi) * axis).norm(), 1e-14);
+    EXPECT_LE((calcRotationVector(calcRotation(4.0 * axis)) - (4.0 - 2.0 * kPi) * axis).norm(), 1e-14);
     EXPECT_EQ(calcRotationVector(Eigen::Quaterniond::Identity()), Eigen::Vector3d::Zero());
     EXPECT_EQ(calcRotation(Eigen::Vector3d::Zero()).coeffs(), Eigen::Quaterniond::Identity().coeffs());
 }
@@ -57,8 +56,7 @@ TEST(RotationVector, AngularVelocityHasNoStepWhereTheSeriesTakesOver) {
     const Eigen::Vector3d axis = Eigen::Vector3d(2.0, -1.0, 2.0) / 3.0;
     const Eigen::Vector3d rate(0.3, 2.0, -1.0);
     const Eigen::Vector3d below = calcAngularVelocity(0.03 * (1.0 - 1e-15) * axis, rate);
-    const Eigen::Vector3d above = calcAngularVelocity(0.03 * (1.0 + 1e-15) * axis, rate);
-    EXPECT_LE((above - below).norm(), 1e-14);
+    EXPECT_LE((calcAngularVelocity(0.03 * (1.0 + 1e-15) * axis, rate) - below).norm(), 1e-14);
 }
 
 }  // namespace

@@ -187,8 +187,9 @@ TEST(CollisionChecker, LinksStandWhereTheModelHasThem) {
             environment.solids[0].radius = 0.1;
             environment.solids[0].pose.translation() =
                 tool.position + tool.orientation * Eigen::Vector3d(0.3, 0.0, 0.0);
-            const auto found = CollisionChecker(arm.robot, point, environment).findContact(q, 0.0, 1.0);
-            EXPECT_NEAR(found.distance, 0.3 - 0.1 - 0.04, 1e-9) << name;
+            EXPECT_NEAR(CollisionChecker(arm.robot, point, environment).findContact(q, 0.0, 1.0).distance,
+                        0.3 - 0.1 - 0.04, 1e-9)
+                << name;
         }
     }
 }
@@ -259,8 +260,7 @@ TEST(CollisionChecker, MovingSpheresCountWhereTheyAre) {
 TEST(CollisionChecker, NoNumberIsNoPose) {
     const Stick stick({0, 0, 0}, {0, 0, 0.1}, 0.02);
     const CollisionChecker checker(stick.robot, stick.geometry, {});
-    const auto found = checker.findContact(JointVector::Constant(1, std::nan("")), 0.0, 1.0);
-    EXPECT_EQ(found.distance, -std::numeric_limits<double>::infinity());
+    EXPECT_EQ(checker.findContact(JointVector::Constant(1, std::nan("")), 0.0, 1.0).distance, -kInfinity);
 }
 
 struct MappedScene {

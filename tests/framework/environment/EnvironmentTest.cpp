@@ -50,7 +50,7 @@ TEST(ReadEnvironment, EveryShapeWithItsPlace) {
     EXPECT_EQ(environment.map->file, folder / "building.bt");
     EXPECT_EQ(environment.map->unknown, UnknownSpace::Free);
     EXPECT_EQ(environment.map->pose.translation().x(), 1.0);
-    EXPECT_NE(environment.map->place.find("environment.map"), std::string::npos);
+    EXPECT_CONTAINS(environment.map->place, "environment.map");
 }
 
 TEST(ReadEnvironment, NothingSaidIsUnknownOccupied) {
@@ -108,9 +108,7 @@ TEST(ReadEnvironment, FaultsAreNamedWithTheirPlace) {
         {"  map: {file: building.stl}\n", "is not a map that can be read"},
         {"  map: {file: none.bt}\n", "there is no file"},
         {"  map: {unknown: free}\n", "file"}};
-    for (const auto& [text, part] : wrong) {
-        test::expectContains(test::catchError([&] { read(text); }), {part, "experiment.yaml:2:"});
-    }
+    for (const auto& [text, part] : wrong) test::expectError({part, "experiment.yaml:2:"}, [&] { read(text); });
 }
 
 TEST(ReadEnvironment, MapsAreToldByTheirHash) {

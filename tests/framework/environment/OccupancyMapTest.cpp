@@ -54,8 +54,7 @@ TEST(OccupancyMap, EmptyMapKnowsNothing) {
     MapFiles files;
     octomap::OcTree nothing(0.1);
     for (const std::string extension : {".bt", ".ot"}) {
-        const std::string bytes = extension == ".bt" ? writeBinary(nothing) : writeFull(nothing);
-        ASSERT_EQ(files.findFault(extension, bytes), "");
+        ASSERT_EQ(files.findFault(extension, extension == ".bt" ? writeBinary(nothing) : writeFull(nothing)), "");
         const OccupancyMap map(chooseMap(files.folder / ("map" + extension)));
         EXPECT_EQ(map.getOccupancy({0, 0, 0}), OccupancyMap::Occupancy::Unknown);
     }
@@ -72,7 +71,7 @@ TEST(OccupancyMap, Fault53_54_CutAnywhereIsRefused) {
         EXPECT_EQ(refused, tried) << extension;
         EXPECT_GT(tried, 400);
         expectContains(files.findFault(extension, bytes.substr(0, bytes.size() - 1)), {"it is cut off"});
-        EXPECT_NE(files.findFault(extension, bytes + "x").find("1 bytes more"), std::string::npos);
+        EXPECT_CONTAINS(files.findFault(extension, bytes + "x"), "1 bytes more");
     }
 }
 
@@ -110,7 +109,7 @@ TEST(OccupancyMap, Fault56_RecursionBombIsRefusedAtOnce) {
     const std::string fault =
         files.findFault(".bt", "# Octomap OcTree binary file\nid OcTree\nsize 100001\nres 0.1\ndata\n" + bomb);
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-    EXPECT_NE(fault.find("deeper than 16 levels"), std::string::npos) << fault;
+    EXPECT_CONTAINS(fault, "deeper than 16 levels");
     EXPECT_LT(took.count(), 1.0);
     std::string deep;
     for (int i = 0; i < 40000; ++i) deep += std::string("\0\0\0\0\x01", 5);
@@ -129,8 +128,8 @@ TEST(OccupancyMap, Fault57_ResolutionAndHeaderAreChecked) {
     ASSERT_EQ(files.findFault(".bt", make(good)), "");
     ASSERT_EQ(files.findFault(".bt", make("# a comment\n" + good)), "");
     for (const std::string res : {"nan", "0", "-0.1", "1e-300", "inf", "1e300", "0.05x", "", "11", "0.0009"}) {
-        const std::string fault = files.findFault(".bt", make("id OcTree\nsize " + size + "\nres " + res + "\n"));
-        expectContains(fault, {"the map's resolution is `" + res + "` m, allowed: 0.001 to 10"});
+        expectContains(files.findFault(".bt", make("id OcTree\nsize " + size + "\nres " + res + "\n")),
+                       {"the map's resolution is `" + res + "` m, allowed: 0.001 to 10"});
     }
     const std::vector<std::pair<std::string, std::string>> wrong = {
         {"id ColorOcTree\nsize " + size + "\nres 0.05\n", "a map of the kind `ColorOcTree`"},
@@ -141,14 +140,11 @@ TEST(OccupancyMap, Fault57_ResolutionAndHeaderAreChecked) {
         {good + "res 0.06\n", "a header line that no map has there: `res 0.06`"},
         {good + "colour red\n", "a header line that no map has there: `colour red`"},
         {"id OcTree\nres 0.05\n", "lacks one of id, size and res"}};
-    for (const auto& [lines, part] : wrong) {
-        const std::string fault = files.findFault(".bt", make(lines));
-        EXPECT_NE(fault.find(part), std::string::npos) << fault;
-    }
-    EXPECT_NE(files.findFault(".bt", "solid mesh\n").find("is not an OctoMap file"), std::string::npos);
-    EXPECT_NE(files.findFault(".ot", files.binary).find("different kinds"), std::string::npos);
-    EXPECT_NE(findMapFault(chooseMap(files.folder / "none.bt")).find("cannot be read"), std::string::npos);
-    EXPECT_NE(findMapFault(chooseMap("/dev/zero")).find("cannot be read"), std::string::npos);
+    for (const auto& [lines, part] : wrong) EXPECT_CONTAINS(files.findFault(".bt", make(lines)), part);
+    EXPECT_CONTAINS(files.findFault(".bt", "solid mesh\n"), "is not an OctoMap file");
+    EXPECT_CONTAINS(files.findFault(".ot", files.binary), "different kinds");
+    EXPECT_CONTAINS(findMapFault(chooseMap(files.folder / "none.bt")), "cannot be read");
+    EXPECT_CONTAINS(findMapFault(chooseMap("/dev/zero")), "cannot be read");
 }
 
 TEST(OccupancyMap, LogOddsThatAreNoNumberAreRefused) {
@@ -156,7 +152,7 @@ TEST(OccupancyMap, LogOddsThatAreNoNumberAreRefused) {
     std::string bytes = files.full;
     const float nan = std::numeric_limits<float>::quiet_NaN();
     bytes.replace(bytes.find("\ndata\n") + 6, sizeof nan, std::string(reinterpret_cast<const char*>(&nan), sizeof nan));
-    EXPECT_NE(files.findFault(".ot", bytes).find("log odds"), std::string::npos);
+    EXPECT_CONTAINS(files.findFault(".ot", bytes), "log odds");
 }
 
 TEST(OccupancyMap, Fault58_UnknownSpaceCountsWhereAskedFor) {

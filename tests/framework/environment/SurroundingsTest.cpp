@@ -69,7 +69,7 @@ TEST(Surroundings, DistancesOfSolidsAreExactOutside) {
     std::array<int, 4> nearest{};
     int inside = 0;
     for (const Eigen::Vector3d& p : drawPlaces(20000, 1.2, 1)) {
-        double least = std::numeric_limits<double>::infinity();
+        double least = kInfinity;
         int which = -1;
         for (int i = 0; i < 4; ++i) {
             const double distance = (p - findNearestPoint(environment.solids[static_cast<std::size_t>(i)], p)).norm();
@@ -89,9 +89,7 @@ TEST(Surroundings, DistancesOfSolidsAreExactOutside) {
         ASSERT_EQ(found.obstacle, which);
         ++nearest[static_cast<std::size_t>(which)];
         const Eigen::Vector3d point = findNearestPoint(environment.solids[static_cast<std::size_t>(which)], p);
-        if (least > 1e-4) {
-            ASSERT_LE((found.gradient - (p - point) / least).norm(), 1e-8);
-        }
+        if (least > 1e-4) ASSERT_LE((found.gradient - (p - point) / least).norm(), 1e-8);
     }
     for (const int count : nearest) EXPECT_GT(count, 500);
     EXPECT_GT(inside, 100);
@@ -151,7 +149,7 @@ TEST(Surroundings, Fault60_MovingSpheresCountWithAllThatIsLeftOfTheirPath) {
             for (int k = 0; k <= kSteps; ++k)
                 centres.push_back(environment.spheres[0].calcCentre(t + horizon * k / kSteps));
             for (const Eigen::Vector3d& p : drawPlaces(60, 0.8, 3)) {
-                double least = std::numeric_limits<double>::infinity();
+                double least = kInfinity;
                 for (const Eigen::Vector3d& c : centres) least = std::min(least, (p - c).norm());
                 const Surroundings::Nearest found = surroundings.findNearest(p, t);
                 EXPECT_LE(found.distance, least - 0.08 + 1e-12) << t;
@@ -229,7 +227,7 @@ TEST(Surroundings, MapAndSolidsTogether) {
     EXPECT_GE(found.distance, 0.03);
     EXPECT_GT(found.gradient.z(), 0.9);
     const Surroundings::Nearest beyond = surroundings.findNearest({1.001, 0, 0}, 0.0);
-    EXPECT_EQ(beyond.distance, -std::numeric_limits<double>::infinity());
+    EXPECT_EQ(beyond.distance, -kInfinity);
     EXPECT_EQ(beyond.obstacle, 5);
     environment.map->unknown = UnknownSpace::Occupied;
     const Surroundings blind(environment, -kCorner, kCorner, 0.5);
@@ -239,7 +237,7 @@ TEST(Surroundings, MapAndSolidsTogether) {
 TEST(Surroundings, Fault59_NoNumberIsNeverFree) {
     const Surroundings surroundings(makeSolids(), -kCorner, kCorner, 0.5);
     const Surroundings nothing(Environment{}, -kCorner, kCorner, 0.5);
-    const double infinity = std::numeric_limits<double>::infinity();
+    const double infinity = kInfinity;
     for (const double bad : {std::nan(""), infinity, -infinity})
         for (int k = 0; k < 3; ++k) {
             Eigen::Vector3d p = Eigen::Vector3d::Zero();

@@ -232,9 +232,7 @@ TEST_F(Chain, AChangeOfArithmeticIsThatFiltersAndUndone) {
         return a;
     });
     const Law& never = add(pass, true);
-    expectFault(
-        "it changed the floating point arithmetic of the whole thread (the rounding mode; set "
-        "back)");
+    expectFault("it changed the floating point arithmetic of the whole thread (the rounding mode; set back)");
     EXPECT_EQ(std::fegetround(), FE_TONEAREST);
     EXPECT_EQ(chain_.answerable(), 0u);
     EXPECT_EQ(never.seen.size(), 0);

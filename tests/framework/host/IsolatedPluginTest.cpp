@@ -281,8 +281,7 @@ TEST_F(IsolatedFilterTest, AChangeOfArithmeticIsToldAndUndoneThere) {
     make(What::Rounding);
     for (int i = 0; i < 2; ++i)  // had it not been set back, the second time would change nothing
         EXPECT_EQ(viable::faultOf([&] { tick(); }),
-                  "it changed the floating point arithmetic of the whole thread (the rounding "
-                  "mode; set back)");
+                  "it changed the floating point arithmetic of the whole thread (the rounding mode; set back)");
 }
 
 TEST_F(IsolatedFilterTest, ACrashInItsDestructorIsItsLastWord) {

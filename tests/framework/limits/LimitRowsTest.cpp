@@ -86,8 +86,8 @@ TEST(LimitRows, AKindIsCountedByTheFirstRowThatCanCountIt) {
     EXPECT_EQ(getLimitRow(named).kept, "one");
     EXPECT_EQ(detail::findLimitLibraries(named), (std::set<std::string>{"/one.so", "/two.so"}));
     row.make = [](const LimitScene&) -> std::unique_ptr<ArmLimit> { return nullptr; };
-    expectContains(catchError([&] { addLimit("read_from_a_log", "m", row); }), {"it is counted by /one.so already"});
-    expectContains(catchError([] { addLimit("read_from_a_log", "cm", {}); }), {"the unit 'm' here already, not 'cm'"});
+    expectError({"it is counted by /one.so already"}, [&] { addLimit("read_from_a_log", "m", row); });
+    expectError({"the unit 'm' here already, not 'cm'"}, [] { addLimit("read_from_a_log", "cm", {}); });
     EXPECT_EQ(addLimit("speed", "m/s", {}), LimitKind::Speed);
     EXPECT_EQ(getLimitRow(LimitKind::Speed).kept, "speed limits kept");
 }
@@ -131,27 +131,25 @@ TEST(LimitRows, ALogTellsItsReaderOfKindsThatOthersHaveAdded) {
     later.replace(later.find(columns), columns.size(), "\"brand\":1," + columns + "[\"far_m\",\"farthest\"],");
     readLimitKinds(later);
     EXPECT_EQ(&getLimitRow(gap), &read);
-    expectContains(catchError([] { readLimitKinds(R"({"gap": "mm"})"); }), {"has it in 'mm', here it is in 'm'"});
+    expectError({"has it in 'mm', here it is in 'm'"}, [] { readLimitKinds(R"({"gap": "mm"})"); });
     for (const char* name : {"motor", "position"}) EXPECT_FALSE(isLimit(name));
 }
 
 TEST(LimitRows, NamesThatCannotBeAreRefused) {
-    expectContains(catchError([] { addLimit("Sway", "", {}); }), {"is no word of small letters"});
-    expectContains(catchError([] { addLimit("", "", {}); }), {"is no word of small letters"});
-    expectContains(catchError([] { addLimit("jerk", "rad/s^3", {}); }), {"that is a limit of the joints"});
+    expectError({"is no word of small letters"}, [] { addLimit("Sway", "", {}); });
+    expectError({"is no word of small letters"}, [] { addLimit("", "", {}); });
+    expectError({"that is a limit of the joints"}, [] { addLimit("jerk", "rad/s^3", {}); });
     for (const LogChannel* channel : listLogChannels())
-        if (!isLimit(channel->name)) {
-            expectContains(catchError([&] { addLimit(channel->name, "", {}); }),
-                           {"is the name of a channel of the log"});
-        }
-    expectContains(catchError([] { addLimit("collisions", "", {}); }), {"is the name of another limit's block"});
+        if (!isLimit(channel->name))
+            expectError({"is the name of a channel of the log"}, [&] { addLimit(channel->name, "", {}); });
+    expectError({"is the name of another limit's block"}, [] { addLimit("collisions", "", {}); });
 }
 
 TEST(LimitRows, WhereThereIsNoRoomForOneMoreItIsSaid) {
     std::string error;
     for (int k = 0; k < kMostLimitKinds && error.empty(); ++k)
         error = catchError([&] { addLimit("more_" + std::to_string(k), "m", {}); });
-    EXPECT_NE(error.find("there is no room for it beside 11 others"), std::string::npos) << error;
+    EXPECT_CONTAINS(error, "there is no room for it beside 11 others");
     EXPECT_EQ(countLimitKinds(), kMostLimitKinds);
     int count = static_cast<int>(kFirstArmLimit);
     for (const LimitKind kind : listArmLimits()) EXPECT_EQ(static_cast<int>(kind), count++);

@@ -54,7 +54,7 @@ TEST(GuardLog, WhatATorqueGuardDidIsReadBackAsItWas) {
     }
     EXPECT_FALSE(reader.read(row));
     EXPECT_GT((records.back().nominal.q - robot.home).norm(), 0.1);
-    expectContains(catchError([&] { GuardLog(file, robot, true); }), {"sway.mcap"});  // never overwritten
+    expectError({"sway.mcap"}, [&] { GuardLog(file, robot, true); });  // never overwritten
 }
 
 TEST(GuardLog, WhatAReferenceGuardDidIsReadBackAsItWas) {

@@ -27,6 +27,15 @@ private:
     Summary summary_;
 };
 
+/** It stops for this reason, in at most `most` ticks and within every limit. */
+void expectKeptStop(TestLoop& t, int most, StopReason reason) {
+    LimitKeeper keeper(t.experiment.cases[0]);
+    TickRecord record;
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, most, [&](const TickRecord& r) { keeper.add(r); }));
+    keeper.finish(t.loop);
+    EXPECT_EQ(t.loop.stopReason(), reason);
+}
+
 struct Lie {
     const char* name;
     const char* message;
@@ -56,10 +65,10 @@ TEST(Fault37, EveryLieIsCaughtInItsFirstTickAndTheArmKeepsItsLimits) {
             EXPECT_NEAR(t.loop.stopTime(), 0.3, 1e-9);
             const std::string message = t.loop.stopMessage();
             EXPECT_EQ(message.rfind("it guarantees all limits, but ", 0), 0u) << message;
-            EXPECT_NE(message.find(lie.message), std::string::npos) << message;
+            EXPECT_CONTAINS(message, lie.message);
             const std::vector<std::string> names = t.experiment.cases[0].robot.jointNames();
             const std::string culprit = std::string(lie.name) == "jerk" ? names.front() : names.back();
-            EXPECT_NE(message.find(culprit), std::string::npos) << message;
+            EXPECT_CONTAINS(message, culprit);
             EXPECT_LT(t.loop.nominal().qd.cwiseAbs().maxCoeff(), 1e-9);
             EXPECT_LT(t.loop.nominal().qdd.cwiseAbs().maxCoeff(), 1e-9);
         }
@@ -69,13 +78,8 @@ TEST(Fault37, ACreepOverALimitIsStoppedAtTheLimit) {
     for (const char* witness : {"true", "false"}) {
         TestLoop t(kOneJoint,
                    {kGuaranteeing, "filter.lie=creep", std::string("filter.witness=") + witness, "duration_s=20"});
-        LimitKeeper keeper(t.experiment.cases[0]);
-        TickRecord record;
-        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 20000, [&](const TickRecord& r) { keeper.add(r); }));
-        keeper.finish(t.loop);
-        EXPECT_EQ(t.loop.stopReason(), StopReason::GuaranteeBroken);
-        const std::string message = t.loop.stopMessage();
-        EXPECT_NE(message.find("joint0 would pass its upper position limit by"), std::string::npos) << message;
+        expectKeptStop(t, 20000, StopReason::GuaranteeBroken);
+        EXPECT_CONTAINS(t.loop.stopMessage(), "joint0 would pass its upper position limit by");
         EXPECT_LE(t.loop.nominal().q[0], EIGEN_PI + 1e-9);
         EXPECT_GT(t.loop.nominal().q[0], EIGEN_PI - 2e-3);  // not before it had to be
     }
@@ -83,12 +87,8 @@ TEST(Fault37, ACreepOverALimitIsStoppedAtTheLimit) {
 
 TEST(Fault37, AFilterThatHoldsAccelerationsIsHeldToItsWordOnJerk) {
     TestLoop t(kOneJoint, {"filter={plugin: liar}"});
-    LimitKeeper keeper(t.experiment.cases[0]);
-    TickRecord record;
-    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 3000, [&](const TickRecord& r) { keeper.add(r); }));
-    keeper.finish(t.loop);
-    EXPECT_EQ(t.loop.stopReason(), StopReason::GuaranteeBroken);
-    EXPECT_NE(std::string(t.loop.stopMessage()).find("jerk limit"), std::string::npos);
+    expectKeptStop(t, 3000, StopReason::GuaranteeBroken);
+    EXPECT_CONTAINS(t.loop.stopMessage(), "jerk limit");
 }
 
 TEST(Fault37, DecisionsInUnknownWordsAreNotApplied) {
@@ -100,31 +100,25 @@ TEST(Fault37, DecisionsInUnknownWordsAreNotApplied) {
         for (const auto& [lie, message] : lies) {
             SCOPED_TRACE(std::string(lie) + " on " + arm);
             TestLoop t(arm, {kGuaranteeing, std::string("filter.lie=") + lie, "filter.after_ticks=300"});
-            LimitKeeper keeper(t.experiment.cases[0]);
-            TickRecord record;
-            ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 3000, [&](const TickRecord& r) { keeper.add(r); }));
-            keeper.finish(t.loop);
-            EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
+            expectKeptStop(t, 3000, StopReason::FilterFailed);
             EXPECT_NEAR(t.loop.stopTime(), 0.3, 1e-9);
             EXPECT_STREQ(t.loop.stopMessage(), message);
         }
 }
 
 TEST(Fault37, ABrokenGuaranteeEndsTheRunWith3) {
-    const Experiment e = readTestExperiment(kOneJoint, {kGuaranteeing, "filter.lie=jerk", "filter.after_ticks=100"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result = runFirstCase(kOneJoint, {kGuaranteeing, "filter.lie=jerk", "filter.after_ticks=100"});
     EXPECT_EQ(result.exitCode(), 3);
     EXPECT_FALSE(result.summary.anyLimitBroken());
     for (const char* part : {"stopped at 0.1000 s (tick 100): the filter plugin 'guaranteeing' (",
                              "failed: it guarantees all limits, but joint0 would pass its"})
-        EXPECT_NE(result.stopMessage.find(part), std::string::npos) << result.stopMessage;
+        EXPECT_CONTAINS(result.stopMessage, part);
 }
 
 TEST(Monitor, AnHonestGuaranteeIsKeptToTheEndOfTheRun) {
     for (const char* witness : {"true", "false"}) {
-        const Experiment e =
-            readTestExperiment(kTeleoperation, {kGuaranteeing, std::string("filter.witness=") + witness});
-        const CaseResult result = runCase(configureCase(e.cases[0]), {});
+        const CaseResult result =
+            runFirstCase(kTeleoperation, {kGuaranteeing, std::string("filter.witness=") + witness});
         EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
         EXPECT_EQ(result.summary.unviableTicks(), 0);
         EXPECT_EQ(result.summary.ticks(), 2000);
@@ -134,14 +128,13 @@ TEST(Monitor, AnHonestGuaranteeIsKeptToTheEndOfTheRun) {
 }
 
 TEST(Monitor, AFilterWithoutGuaranteeIsOnlyReported) {
-    const Experiment e =
-        readTestExperiment(kOneJoint, {"filter={plugin: pass_through}", "command.points=[[0, 4], [1, -4]]"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result =
+        runFirstCase(kOneJoint, {"filter={plugin: pass_through}", "command.points=[[0, 4], [1, -4]]"});
     EXPECT_EQ(result.exitCode(), 0);
     EXPECT_GT(result.summary.unviableTicks(), 10);
     EXPECT_TRUE(result.summary.anyLimitBroken());
-    const std::string details = formatDetails(result);
-    expectContains(details, {"unviable ticks " + std::to_string(result.summary.unviableTicks()) + " (first at "});
+    expectContains(formatDetails(result),
+                   {"unviable ticks " + std::to_string(result.summary.unviableTicks()) + " (first at "});
 }
 
 TEST(Monitor, StopsOnRequestKeepPositionLimitsWhereTheMonitorFoundTheStopSafe) {
@@ -223,9 +216,7 @@ TEST(Fault25, MissedTicksFollowTheStopHeldReadyAndTheRunGoesOn) {
                     moved += record.nominal.qd.norm();
                 }
             }
-            if (count == 1000) {
-                EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
-            }
+            if (count == 1000) EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
             EXPECT_GT(moved, 0.0);
             t.loop.tick(record);
             EXPECT_EQ(t.loop.stopReason(), StopReason::None) << t.loop.stopMessage();
@@ -246,28 +237,25 @@ TEST(Fault25, TooManyInARowBrakeTheArmForGood) {
     EXPECT_STREQ(t.loop.stopMessage(), "more than 1000 ticks in a row were missed");
     EXPECT_TRUE(t.loop.hasStopped());
 
-    const Experiment e = readTestExperiment(kOneJoint, {kGuaranteeing, "missed_ticks=[{at_s: 0.3, count: 1200}]"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result = runFirstCase(kOneJoint, {kGuaranteeing, "missed_ticks=[{at_s: 0.3, count: 1200}]"});
     EXPECT_EQ(result.exitCode(), 4);
     EXPECT_EQ(result.stopMessage, "stopped at 1.3000 s (tick 1300) because more than 1000 ticks in a row were missed");
 }
 
 TEST(Fault25, TheFileMissesTicksInTheRunAndTheSummaryCountsThem) {
-    const Experiment e =
-        readTestExperiment(kOneJoint, {kGuaranteeing, "missed_ticks=[{at_s: 0.3, count: 20}, {at_s: 0.5, count: 1}]"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result =
+        runFirstCase(kOneJoint, {kGuaranteeing, "missed_ticks=[{at_s: 0.3, count: 20}, {at_s: 0.5, count: 1}]"});
     EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
     EXPECT_EQ(result.summary.missedTicks(), 21);
     EXPECT_EQ(result.summary.ticksWith(FilterStatus::StoppedByPlan), 21);
     EXPECT_EQ(result.summary.ticks(), 2000);
-    EXPECT_NE(formatDetails(result).find("missed ticks 21"), std::string::npos);
+    EXPECT_CONTAINS(formatDetails(result), "missed ticks 21");
 }
 
 const char* const kShrink = "command={plugin: changing_limits, at_s: 0.7, position_share: 0.001, rate_share: 0.8}";
 
 TEST(ChangingLimits, ShrunkBelowTheArmTheyAreReturnedToAndNoGuaranteeIsBroken) {
-    const Experiment e = readTestExperiment(kOneJoint, {kShrink, "filter={plugin: certified_braking}"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result = runFirstCase(kOneJoint, {kShrink, "filter={plugin: certified_braking}"});
     EXPECT_EQ(result.exitCode(), 0) << result.stopMessage;
     const Summary& s = result.summary;
     EXPECT_FALSE(s.anyLimitBroken());
@@ -282,11 +270,8 @@ TEST(ChangingLimits, ShrunkBelowTheArmTheyAreReturnedToAndNoGuaranteeIsBroken) {
 
 TEST(ChangingLimits, AFilterThatGuaranteesMustComeBackToThem) {
     TestLoop t(kOneJoint, {kShrink, kGuaranteeing, "duration_s=10"});  // it brakes and stays
-    TickRecord record;
-    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 5000, [](const TickRecord& r) { (void)r; }));
-    EXPECT_EQ(t.loop.stopReason(), StopReason::GuaranteeBroken);
-    const std::string message = t.loop.stopMessage();
-    expectContains(message, {"rad beyond its", "position limit and comes no nearer"});
+    expectStop(t.loop, StopReason::GuaranteeBroken);
+    expectContains(t.loop.stopMessage(), {"rad beyond its", "position limit and comes no nearer"});
     EXPECT_GT(t.loop.stopTime(), 1.7);  // braking counts as coming back, then a second of patience
     EXPECT_LT(t.loop.stopTime(), 2.5);
 }
@@ -305,11 +290,9 @@ TEST(ChangingLimits, AreInForceFromTheirTickOnAndInTheRecord) {
 TEST(ChangingLimits, ThatAreOfNoUseOrTooMuchForTheFilterStopTheArm) {
     const auto stop = [](const std::vector<std::string>& overrides, StopReason reason, const char* message) {
         TestLoop t(kOneJoint, overrides);
-        TickRecord record;
-        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record));
-        EXPECT_EQ(t.loop.stopReason(), reason);
+        expectStop(t.loop, reason);
         EXPECT_NEAR(t.loop.stopTime(), 0.7, 1e-9);
-        EXPECT_NE(std::string(t.loop.stopMessage()).find(message), std::string::npos) << t.loop.stopMessage();
+        EXPECT_CONTAINS(t.loop.stopMessage(), message);
     };
     for (const char* fault : {"nan", "size"})
         stop({kShrink, kGuaranteeing, std::string("command.fault=") + fault}, StopReason::CommandFailed,
@@ -331,9 +314,7 @@ TEST(Fault28, NoNumberOfOneJointOrAllForOneTickIsReplacedByTheLastGoodTorque) {
                 t.loop.tick(record);
                 ASSERT_TRUE(allFinite(record)) << k;
                 if (k == 99) before = record.desiredTorque;
-                if (k == 100) {
-                    ASSERT_EQ(record.desiredTorque, before);
-                }
+                if (k == 100) ASSERT_EQ(record.desiredTorque, before);
             }
             EXPECT_EQ(record.substituted, 1);
             EXPECT_EQ(t.loop.stopReason(), StopReason::None);
@@ -347,11 +328,7 @@ TEST(Fault28, NoNumberForGoodBrakesTheArmInsideItsLimits) {
                                                     "100000, joint: ") +
                                             joint + "}",
                                         filter});
-            LimitKeeper keeper(t.experiment.cases[0]);
-            TickRecord record;
-            ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 5000, [&](const TickRecord& r) { keeper.add(r); }));
-            keeper.finish(t.loop);
-            EXPECT_EQ(t.loop.stopReason(), StopReason::ControllerFailed);
+            expectKeptStop(t, 5000, StopReason::ControllerFailed);
             EXPECT_NEAR(t.loop.stopTime(), 0.410, 1e-9);
         }
 }

@@ -149,9 +149,7 @@ TEST(StopMonitor, NamesJointLimitSideAndExcess) {
     EXPECT_NEAR(f.excess, 10.0, 1e-9);
     char text[200];
     monitor.describe(f, makeElbow(), text, sizeof text);
-    EXPECT_STREQ(text,
-                 "elbow would pass its lower jerk limit by 10 rad/s^3 in this tick or the stop "
-                 "after it");
+    EXPECT_STREQ(text, "elbow would pass its lower jerk limit by 10 rad/s^3 in this tick or the stop after it");
     monitor.describe(f, makeElbow(JointType::Prismatic), text, sizeof text);
     EXPECT_NE(std::string(text).find("by 10 m/s^3"), std::string::npos) << text;
 

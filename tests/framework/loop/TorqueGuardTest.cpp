@@ -229,8 +229,9 @@ TEST(TorqueGuard, ARobotWithSpeedLimitsThatItDoesNotKeepIsRefused) {
     RobotDescription robot = testing::makeTwoLinkArm();
     robot.speedLimits.tool = 0.3;
     TorqueGuard guard(robot, kTick_s);
-    const std::string complaint = test::catchError([&] { guard.start({robot.home, JointVector::Zero(robot.size())}); });
-    test::expectContains(complaint, {"speed limits", "ReferenceGuard"});
+    expectError({"speed limits", "ReferenceGuard"}, [&] {
+        guard.start({robot.home, JointVector::Zero(robot.size())});
+    });
 }
 
 TEST(TorqueGuard, MoreThanAThousandMissedTicksStopTheArm) {
@@ -393,8 +394,7 @@ TEST(TorqueGuard, AfterMissedTicksAJointMayBeFartherAway) {
     MovingArm arm;
     arm.guard.step(followExactly(arm.guard), arm.spring);
     arm.guard.missTicks(9);  // ten ticks at twice 2 rad/s: up to 40 mrad
-    const GuardedTorque& out = arm.guard.step(followExactly(arm.guard, 0.03), arm.spring);
-    EXPECT_EQ(out.readingFault, ReadingFault::None);
+    EXPECT_EQ(arm.guard.step(followExactly(arm.guard, 0.03), arm.spring).readingFault, ReadingFault::None);
     EXPECT_EQ(arm.guard.step(followExactly(arm.guard, 0.0), arm.spring).readingFault, ReadingFault::Jumped);
 }
 
@@ -415,9 +415,9 @@ TEST(TorqueGuard, AnArmThatFallsBehindIsStoppedByName) {
         ASSERT_EQ(arm.guard.stopReason(), behind > 0.1 ? GuardStop::TooFar : GuardStop::None) << behind;
     }
     EXPECT_EQ(status, GuardStatus::Stopped);
-    EXPECT_CONTAINS(arm.guard.stopMessage(), "joint `joint1` is -0.1");
-    EXPECT_CONTAINS(arm.guard.stopMessage(), " rad from its nominal place, allowed is 0.1 rad. Find what blocks");
-    EXPECT_CONTAINS(arm.guard.stopMessage(), "or raise TorqueGuardOptions::largestDeviation");
+    expectContains(arm.guard.stopMessage(),
+                   {"joint `joint1` is -0.1", " rad from its nominal place, allowed is 0.1 rad. Find what blocks",
+                    "or raise TorqueGuardOptions::largestDeviation"});
 }
 
 TEST(TorqueGuard, AFarJointIsPulledNoHarderThanTheLargestDeviationAsks) {
@@ -428,8 +428,7 @@ TEST(TorqueGuard, AFarJointIsPulledNoHarderThanTheLargestDeviationAsks) {
     MovingArm arm(options);
     arm.guard.missTicks(20);  // the joints may have gone anywhere meanwhile
     for (int k = 0; k < 500; ++k) {
-        const GuardedTorque& out = arm.guard.step(followExactly(arm.guard, 0.05), arm.spring);
-        ASSERT_EQ(out.readingFault, ReadingFault::None);
+        ASSERT_EQ(arm.guard.step(followExactly(arm.guard, 0.05), arm.spring).readingFault, ReadingFault::None);
         for (int i = 0; i < 2; ++i) ASSERT_NEAR(arm.guard.record().robustTorque[i], -100.0 * 20.0 * 0.002, 1e-9);
         ASSERT_NEAR(arm.guard.record().actual.q[0], arm.guard.record().nominal.q[0] + 0.05, 1e-12);
     }
@@ -564,8 +563,7 @@ struct SwayingArm {
     /** @param readings  else every one is NaN */
     void run(double seconds, bool readings = true) {
         for (const double end = time + seconds; time < end; time += kTick_s) {
-            const std::int64_t late = arm.waitForTick();
-            guard.missTicks(late);
+            guard.missTicks(arm.waitForTick());
             JointState reading = arm.read();
             if (!readings) reading.q.setConstant(robot.size(), kNan);
             const JointVector target = robot.home.array() + amplitude * (1.0 - std::cos(2.0 * time));
@@ -748,8 +746,7 @@ TEST(TorqueGuard, AStoppedArmIsHeldWhereItIsUntilTheNextStart) {
         ASSERT_LT((out.torque - dynamics.gravity).norm(), 1e-9);
     }
     // The robust loop holds it there.
-    const GuardedTorque& out = arm.guard.step(followExactly(arm.guard, 0.001), arm.spring);
-    EXPECT_LT((out.torque - dynamics.gravity).maxCoeff(), -5.0);
+    EXPECT_LT((arm.guard.step(followExactly(arm.guard, 0.001), arm.spring).torque - dynamics.gravity).maxCoeff(), -5.0);
 
     arm.guard.start(followExactly(arm.guard));
     EXPECT_EQ(arm.guard.stopReason(), GuardStop::None);
@@ -797,8 +794,7 @@ TEST(TorqueGuard, ARobustTorqueBeyondAllArithmeticStopsTheArm) {
     TorqueGuard guard = startAtHome(robot, options);
     guard.step(atHome(robot), Spring{robot.home});
     EXPECT_EQ(guard.stopReason(), GuardStop::None);
-    const GuardedTorque& out = guard.step({robot.home, joints(1e15, 0.0)}, Spring{robot.home});
-    EXPECT_LE(out.torque.lpNorm<Eigen::Infinity>(), 1e9);
+    EXPECT_LE(guard.step({robot.home, joints(1e15, 0.0)}, Spring{robot.home}).torque.lpNorm<Eigen::Infinity>(), 1e9);
     EXPECT_EQ(guard.stopReason(), GuardStop::RobustLoopFailed);
     EXPECT_CONTAINS(guard.stopMessage(), "beyond 1e9");
 }
@@ -851,9 +847,7 @@ TEST(TorqueGuard, AStartThatCannotKeepTheLimitsIsRefusedOrLedBack) {
     for (const auto& [start, words] : starts) {
         SCOPED_TRACE(words);
         TorqueGuard strict = startAtHome(robot);
-        const std::string complaint = catchError([&, &s = start] { strict.start(s); });
-        EXPECT_CONTAINS(complaint, words);
-        EXPECT_CONTAINS(complaint, "CertifiedBrakingOptions::recovery");
+        expectError({words, "CertifiedBrakingOptions::recovery"}, [&, &s = start] { strict.start(s); });
         EXPECT_EQ(strict.step(start, Spring{robot.home}).status, GuardStatus::NotStarted);
         EXPECT_EQ(strict.step(start, Spring{robot.home}).torque, JointVector::Zero(2));
 
@@ -877,13 +871,12 @@ TEST(TorqueGuard, AStartThatCannotKeepTheLimitsIsRefusedOrLedBack) {
 TEST(TorqueGuard, AMalformedStartIsRefused) {
     const RobotDescription robot = makeTwoLinkArm();
     TorqueGuard guard(robot, kTick_s);
-    EXPECT_CONTAINS(catchError([&] { guard.start({}); }), "0 positions and 0 velocities for 2 joints");
-    EXPECT_CONTAINS(catchError([&] {
-                        guard.start({robot.home, JointVector::Zero(3)});
-                    }),
-                    "TorqueGuard::start: the start has 2 positions and 3 velocities");
-    EXPECT_CONTAINS(catchError([&] { guard.start({robot.home, joints(0.0, kNan)}); }), "not finite");
-    EXPECT_CONTAINS(catchError([&] { guard.start({joints(1e8, 0.0), joints(0.0, 0.0)}); }), "beyond 1e7");
+    expectError({"0 positions and 0 velocities for 2 joints"}, [&] { guard.start({}); });
+    expectError({"TorqueGuard::start: the start has 2 positions and 3 velocities"}, [&] {
+        guard.start({robot.home, JointVector::Zero(3)});
+    });
+    expectError({"not finite"}, [&] { guard.start({robot.home, joints(0.0, kNan)}); });
+    expectError({"beyond 1e7"}, [&] { guard.start({joints(1e8, 0.0), joints(0.0, 0.0)}); });
 }
 
 TEST(TorqueGuard, RobustGainsThatTheTickCannotCarryAreRefusedByJoint) {
@@ -891,9 +884,8 @@ TEST(TorqueGuard, RobustGainsThatTheTickCannotCarryAreRefusedByJoint) {
     options.robustGains = NricOptions{joints(600.0, 2000.0)};
     TorqueGuard guard(makeTwoLinkArm(), kTick_s, options);
     const std::string complaint = catchError([&] { guard.start(atHome(makeTwoLinkArm())); });
-    EXPECT_CONTAINS(complaint, "NricOptions::kr: in this pose kr * tick_s is 2.");
-    EXPECT_CONTAINS(complaint, "joint `joint1`");
-    EXPECT_CONTAINS(complaint, "Lower kr of that joint from 2000 to ");
+    expectContains(complaint, {"NricOptions::kr: in this pose kr * tick_s is 2.", "joint `joint1`",
+                               "Lower kr of that joint from 2000 to "});
     options.robustGains->kr = joints(600.0, std::strtod(complaint.c_str() + complaint.find("2000 to ") + 8, nullptr));
     TorqueGuard lowered(makeTwoLinkArm(), kTick_s, options);
     lowered.start(atHome(makeTwoLinkArm()));
@@ -902,7 +894,7 @@ TEST(TorqueGuard, RobustGainsThatTheTickCannotCarryAreRefusedByJoint) {
     weightless.joints[1].body = {};
     weightless.actuation.rotorInertia.setZero();
     TorqueGuard none(weightless, kTick_s);
-    EXPECT_CONTAINS(catchError([&] { none.start(atHome(weightless)); }), "not positive definite");
+    expectError({"not positive definite"}, [&] { none.start(atHome(weightless)); });
 }
 
 // --- Construction ---------------------------------------------------------------------------------
@@ -917,8 +909,7 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
          [](auto&, double& tick, auto&) { tick = 0.0; }},
         {"the tick is nan s", [](auto&, double& tick, auto&) { tick = kNan; }},
         {"the tick is 1 s", [](auto&, double& tick, auto&) { tick = 1.0; }},
-        {"TorqueGuardOptions::limits: the limits are those of 3 joints; the robot has 2. Give each "
-         "bound",
+        {"TorqueGuardOptions::limits: the limits are those of 3 joints; the robot has 2. Give each bound",
          [](auto&, auto&, TorqueGuardOptions& o) { o.limits = JointLimits::unlimited(3); }},
         {"jerk_lower has 1 numbers; allowed is 2",
          [](RobotDescription& r, auto&, TorqueGuardOptions& o) {
@@ -973,7 +964,7 @@ TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
         double tick_s = kTick_s;
         TorqueGuardOptions options;
         c.spoil(robot, tick_s, options);
-        EXPECT_CONTAINS(catchError([&] { TorqueGuard(robot, tick_s, options); }), c.words);
+        expectError({c.words}, [&] { TorqueGuard(robot, tick_s, options); });
     }
 }
 
@@ -1043,22 +1034,15 @@ TEST(TorqueGuard, AStepAllocatesNothingWhateverHappens) {
 
 // --- The example ----------------------------------------------------------------------------------
 
-std::string readText(const std::string& file) {
-    std::ifstream in(std::string(VIABLE_SOURCE_DIR "/") + file);
-    std::stringstream text;
-    text << in.rdbuf();
-    return text.str();
-}
-
 TEST(TorqueGuard, TheLoopInTheReadmeIsThatOfTheExample) {
-    const std::string example = readText("framework/examples/own_loop/own_loop.cpp");
+    const std::string example = test::readFile(VIABLE_SOURCE_DIR "/framework/examples/own_loop/own_loop.cpp");
     const std::string mark = "    // [the loop]\n";
     const std::size_t begin = example.find(mark) + mark.size(), end = example.rfind(mark);
     ASSERT_LT(begin, end);
     std::istringstream lines(example.substr(begin, end - begin));
     std::string snippet = "```cpp\n";
     for (std::string line; std::getline(lines, line);) snippet += (line.size() > 4 ? line.substr(4) : "") + "\n";
-    EXPECT_CONTAINS(readText("framework/README.md"), snippet + "```\n");
+    EXPECT_CONTAINS(test::readFile(VIABLE_SOURCE_DIR "/framework/README.md"), snippet + "```\n");
 }
 
 // A push of 30 Nm on an arm that would follow exactly: measured, the nominal arm yields to it and the motors give

@@ -62,9 +62,7 @@ TEST(CommandReceiver, InterpolationIsContinuousWhateverComesWhen) {
     for (int k = 0; k < 1000; ++k) {
         const double before = calc(receiver, t).q[0];
         receiver.take(t, at(draw(-1.0, 1.0)));
-        if (k > 0) {
-            EXPECT_NEAR(calc(receiver, t).q[0], before, 1e-12);
-        }
+        if (k > 0) EXPECT_NEAR(calc(receiver, t).q[0], before, 1e-12);
         t += draw(0.001, 0.2);
     }
 }
@@ -243,9 +241,8 @@ TEST(CommandReceiver, LargeTurnsGoTheirWayWithSamplesLost) {
         const MotionCommand now = calc(receiver, 0.1 * k + 0.02);
         EXPECT_TRUE(now.tool.orientation.coeffs().allFinite());
         // A lost sample makes more than half a turn of it, which nobody can tell; three later it is found again.
-        if (k % 7 < 3 && k > 10) {
+        if (k % 7 < 3 && k > 10)
             EXPECT_LT(now.tool.orientation.angularDistance(pose(0.1 * k + 0.02).tool.orientation), 2.2) << k;
-        }
     }
 }
 

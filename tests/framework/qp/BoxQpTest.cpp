@@ -329,8 +329,7 @@ TEST(Fault33, BoundsCrossedByRoundingGiveANumberBetweenThem) {
 
 /** What a defective M may look like. */
 std::vector<JointMatrix> makeDefectiveMatrices() {
-    const JointMatrix unit = JointMatrix::Identity(6, 6);
-    std::vector<JointMatrix> all(9, unit);
+    std::vector<JointMatrix> all(9, JointMatrix::Identity(6, 6));
     all[0].setZero();
     all[1].setOnes();
     all[2].col(3).setZero();

@@ -503,9 +503,8 @@ TEST(RowQp, AgreesWithBoxQpWithoutRows) {
         solveColdAndWarm(qp, p, [&](const RowQp&, RowQp::Status own, const JointVector& x) {
             ASSERT_EQ(own == RowQp::Status::TargetInside, status == BoxQp::Status::TargetInside);
             for (int i = 0; i < n; ++i)
-                if (expected[i] == p.lower[i] || expected[i] == p.upper[i]) {
+                if (expected[i] == p.lower[i] || expected[i] == p.upper[i])
                     ASSERT_EQ(x[i], expected[i]) << "joint " << i;
-                }
             worst = std::max(worst, (x - expected).norm() / (x - p.target).norm());
             ASSERT_LT(worst, 1e-8);
         });
@@ -592,13 +591,15 @@ TEST(RowQp, RowsBeyondTheBoxAreToldAsSuch) {
     }
 }
 
+/** Three joints whose target is beyond their box. */
+Problem makeTargetOutside() {
+    return {
+        JointMatrix::Identity(3, 3), JointVector::Constant(3, 5.0), -JointVector::Ones(3), JointVector::Ones(3), {}};
+}
+
 TEST(RowQp, RowsOfZeros) {
     RowQp qp;
-    Problem p{JointMatrix::Identity(3, 3),
-              JointVector::Constant(3, 5.0),
-              JointVector::Constant(3, -1.0),
-              JointVector::Ones(3),
-              {}};
+    Problem p = makeTargetOutside();
     JointVector x;
     p.rows.add(JointVector::Zero(3), 0.0);
     p.rows.add(JointVector::Zero(3), -1.0);
@@ -866,11 +867,7 @@ TEST(Fault34, AbsurdNumbersStayInTheBox) {
 }
 
 TEST(Fault34, SizesThatDoNotFitAreRefused) {
-    Problem p{JointMatrix::Identity(3, 3),
-              JointVector::Constant(3, 5.0),
-              JointVector::Constant(3, -1.0),
-              JointVector::Ones(3),
-              {}};
+    Problem p = makeTargetOutside();
     p.rows.add(JointVector::Ones(2), 1.0);
     RowQp qp;
     JointVector x;

@@ -35,8 +35,7 @@ protected:
 
     const std::string all_ =
         "{base: [{from: [0, 0, 0], to: [0, 0, 0.2], radius: 0.1}], "
-        "upper: [{from: [0, 0, 0], to: [0.4, 0, 0], radius: 0.05}, "
-        "{from: [0, 0, 0], to: [0, 0, 0], radius: 0.06}], "
+        "upper: [{from: [0, 0, 0], to: [0.4, 0, 0], radius: 0.05}, {from: [0, 0, 0], to: [0, 0, 0], radius: 0.06}], "
         "plate: [{from: [0.1, 0, 0], to: [0, 0.2, 0.3], radius: 0.02}], "
         "fore: [{from: [0, 0, 0], to: [0.3, 0, 0], radius: pi/100}]}";
     RobotFolder folder_;
@@ -68,9 +67,9 @@ TEST_F(ArmGeometryTest, PairsAreThoseThatAJointMovesAndThatMayNotTouch) {
 }
 
 TEST_F(ArmGeometryTest, AMissingFileIsToldWithHowToGetOne) {
-    test::expectContains(
-        test::catchError([&] { loadArmGeometry(robot_); }),
-        {"the robot has no collision.yaml", "viable new robot NAME --urdf ", "arm.urdf", "robots/README.md"});
+    test::expectError(
+        {"the robot has no collision.yaml", "viable new robot NAME --urdf ", "arm.urdf", "robots/README.md"},
+        [&] { loadArmGeometry(robot_); });
 }
 
 TEST_F(ArmGeometryTest, WhatIsWrongIsRefusedByPlace) {

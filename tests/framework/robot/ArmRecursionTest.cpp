@@ -93,11 +93,10 @@ TEST_P(ArmRecursionTest, AnArmThatDiffersFromSimbodysIsRefusedWithItsJoint) {
         RobotDescription other = robot_;
         JointDescription& joint = other.joints[static_cast<std::size_t>(i)];
         other.actuation.rotorInertia[i] += 1e-5 * calc(JointVector::Zero(n_), JointVector::Zero(n_)).M(i, i);
-        test::expectContains(test::catchError([&] { detail::checkRecursion(robot_, ArmRecursion(other), "arm.urdf"); }),
-                             {"arm.urdf: the recursive dynamics differ from Simbody's: the inertia M of "
-                              "joint `" +
-                                  joint.name + "` by ",
-                              "please report it with the robot's folder"});
+        test::expectError(
+            {"arm.urdf: the recursive dynamics differ from Simbody's: the inertia M of joint `" + joint.name + "` by ",
+             "please report it with the robot's folder"},
+            [&] { detail::checkRecursion(robot_, ArmRecursion(other), "arm.urdf"); });
         other = robot_;
         other.joints[static_cast<std::size_t>(i)].placement.rotate(
             Eigen::AngleAxisd(1e-6, Eigen::Vector3d(1.0, -2.0, 3.0).normalized()));
@@ -184,7 +183,7 @@ TEST_P(ArmRecursionTest, WhatIsNoNumberGivesNone) {
     JointVector q = draw(3.0), tau;
     JointMatrix M;
     const JointVector qd = draw(3.0), qdd = draw(3.0);
-    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const double bad : {kNan, kInfinity}) {
         JointVector spoilt = qdd;
         spoilt[n_ - 1] = bad;
         arm_.calcTorque(q, qd, spoilt, tau);

@@ -214,7 +214,7 @@ TEST_P(RobotModelTest, Fault49_ATickAllocatesNothing) {
 }
 
 TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) {
-    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const double bad : {kNan, kInfinity}) {
         for (int joint = 0; joint < n_; ++joint) {
             const JointVector zero = JointVector::Zero(n_);
             JointVector wrong = zero;

@@ -27,9 +27,7 @@ TEST(TorqueSender, TakesOverWhatTheRobotHeldItsArmWithAndLetsGoOfItSmoothly) {
         for (int k = 0; k < 500; ++k) {
             given = dynamics.gravity;  // an arm at rest asks for no more
             const JointVector sent = sender.send(q, given);
-            if (k == 0) {
-                EXPECT_LT((sent - held).cwiseAbs().maxCoeff(), 1e-12);
-            }
+            if (k == 0) EXPECT_LT((sent - held).cwiseAbs().maxCoeff(), 1e-12);
             largestStep = std::max(largestStep, (sent - last).cwiseAbs().maxCoeff());
             EXPECT_LT((given - (sent + (dynamics.gravity - expected))).cwiseAbs().maxCoeff(), 1e-12);
             last = sent;

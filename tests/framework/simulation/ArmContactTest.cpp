@@ -280,9 +280,9 @@ TEST(ArmContact, WhatCannotBeIsRefused) {
     RobotFolder folder;
     makeSlider(folder, kMass);
     const RobotDescription robot = folder.load();
-    expectContains(findComplaint([&] { Contact(robot, {}, ""); }), {"there is nothing to touch"});
-    const std::string few = findComplaint([&] { Contact(robot, makeFloor(), "contact_stiffness_Npm: 1e8", 1); });
-    expectContains(few, {"1 is too few for so stiff a contact", "Write substeps: "});
+    expectError({"there is nothing to touch"}, [&] { Contact(robot, {}, ""); });
+    expectError({"1 is too few for so stiff a contact", "Write substeps: "},
+                [&] { Contact(robot, makeFloor(), "contact_stiffness_Npm: 1e8", 1); });
 }
 
 }  // namespace

@@ -109,9 +109,7 @@ TEST(LoopStability, Fault80StableMeansInEveryPose) {
             for (const auto& sample : samples) isStable &= calcRadius(robot, loop, sample.M, h, delay, 1.0) < 1.0;
             const LoopMargins m = calcMargins(robot, robot.limits, h, delay, loop);
             EXPECT_EQ(m.isStable, isStable) << name << " " << k;
-            if (!m.isStable) {
-                EXPECT_EQ(m.joint, joint) << name << " " << k;
-            }
+            if (!m.isStable) EXPECT_EQ(m.joint, joint) << name << " " << k;
             ++(isStable ? stable : unstable);
         }
     EXPECT_GT(unstable, 10);
@@ -210,8 +208,7 @@ TEST(LoopStability, GivenGainsAreKeptAndTheOthersFitThem) {
 
 TEST(LoopStability, WithoutGainsNothingIsUnstable) {
     const RobotDescription robot = load("indy7");
-    const LoopMargins m = calcMargins(robot, robot.limits, 1e-3, 0, makeLoop(6, 0.0, 0.0, 0.0));
-    EXPECT_TRUE(m.isEnough());
+    EXPECT_TRUE(calcMargins(robot, robot.limits, 1e-3, 0, makeLoop(6, 0.0, 0.0, 0.0)).isEnough());
     LinearErrorLoop one = makeLoop(6, 0.0, 20.0, 8.0);
     one.kr[2] = 100.0;
     EXPECT_TRUE(calcMargins(robot, robot.limits, 1e-3, 0, one).isStable);

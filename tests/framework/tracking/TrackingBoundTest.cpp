@@ -126,7 +126,7 @@ TEST(TrackingBound, UnstableGainsAreRefusedWithTheLargestStableOnes) {
         (told.empty() ? good : bad) = middle;
     }
     EXPECT_EQ(told.find("the response of the error loop at "), 0u) << told;
-    EXPECT_NE(told.find("take half of them."), std::string::npos) << told;
+    EXPECT_CONTAINS(told, "take half of them.");
 }
 
 // Each disturbance makes the bound larger, and the parts name it.
@@ -168,8 +168,7 @@ TEST(TrackingBound, RefusesWhatHasNoBound) {
     const RobotDescription robot = loadTestRobot("single_joint");
     const auto expectRefused = [&](const JointLimits& limits, const NricOptions& gains, const DisturbanceSet& set,
                                    const char* what) {
-        test::expectContains(test::catchError([&] { calcTrackingBound(robot, limits, 1e-3, gains, set, "here"); }),
-                             {what});
+        test::expectError({what}, [&] { calcTrackingBound(robot, limits, 1e-3, gains, set, "here"); });
     };
     JointLimits open = makeSlow(robot);
     open.velocity.upper.setConstant(INFINITY);
@@ -231,9 +230,8 @@ TEST(TrackingBound, TakesFrictionThatIsKnownExactly) {
         EXPECT_TRUE((known.position.array() < 0.6 * unknown.position.array()).all())
             << known.position.transpose() << " / " << unknown.position.transpose();
         for (const TrackingBound::Part& part : known.parts)
-            if (part.source == "viscous friction" && isConstant) {
+            if (part.source == "viscous friction" && isConstant)
                 EXPECT_LT(part.position.maxCoeff(), 0.5 * known.position.maxCoeff());
-            }
     }
 }
 
@@ -338,7 +336,7 @@ TEST(TrackingBound, IsPositiveAndGrowsWithFriction) {
 TEST(TrackingBound, RefusesFrictionThatCannotBe) {
     FrictionCase c;
     const auto expectRefused = [&](const DisturbanceSet& set, const char* what) {
-        test::expectContains(test::catchError([&] { c.calc(set); }), {what});
+        test::expectError({what}, [&] { c.calc(set); });
     };
     DisturbanceSet set;
     set.frictionScaleMin = 1.3;
@@ -408,7 +406,7 @@ TEST(TrackingBound, TellsWhatStandsInTheWay) {
         told = test::findComplaint([&] { c.calc(set); });
     }
     const std::string share = "most at elbow; there would be one with ";
-    EXPECT_NE(told.find("mainly: "), std::string::npos) << told;
+    EXPECT_CONTAINS(told, "mainly: ");
     ASSERT_NE(told.find(share), std::string::npos) << told;
     const double less = std::stod(told.substr(told.find(share) + share.size()));
     EXPECT_GT(less, 0.3) << told;  // half the scale had a bound

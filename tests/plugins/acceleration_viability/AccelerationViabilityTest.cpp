@@ -187,7 +187,7 @@ TEST_F(AccelerationViabilityTest, SaysWhichLimitActs) {
 
 TEST_F(AccelerationViabilityTest, Fault08TooSteepAlphaForTheTickIsRefused) {
     Bench bench("indy7", kName, 0.01);
-    test::expectContains(
+    expectContains(
         bench.findConfigureComplaint("k_alpha: 101"),
         {"experiment.yaml:1:", "plugin_block.k_alpha", "k_alpha * tick_s is 1.01", "allowed (0, 1]", "1 / tick_s"});
     EXPECT_EQ(bench.findConfigureComplaint("k_alpha: 100"), "");

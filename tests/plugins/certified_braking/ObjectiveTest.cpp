@@ -27,10 +27,10 @@ cases: {A: {}}
 
 Summary run(const std::string& filter, const std::string& objective, int heldJoint, const std::string& range) {
     const std::string joint = "[" + std::to_string(heldJoint) + "]=";
-    const Experiment experiment = test::readTestExperiment(
-        kPanda, {"filter.plugin=" + filter, "filter.objective=" + objective,
-                 "limits.position_rad.lower" + joint + "-" + range, "limits.position_rad.upper" + joint + range});
-    return runCase(configureCase(experiment.cases.front()), {}).summary;
+    return test::runFirstCase(
+               kPanda, {"filter.plugin=" + filter, "filter.objective=" + objective,
+                        "limits.position_rad.lower" + joint + "-" + range, "limits.position_rad.upper" + joint + range})
+        .summary;
 }
 
 TEST(Objective, ToolLetsSpareJointsTakeOverFromOneAtItsLimit) {

@@ -10,28 +10,26 @@ namespace {
 TEST(GeneratedHandMotion, ComplainsAboutNumbersThatDoNotFit) {
     const CommandBench bench;
     auto complaint = [&](const char* text) { return bench.findComplaint<GeneratedHandMotion>(text); };
-    const std::string text = complaint("fastest_s: 2, slowest_s: 1");
-    EXPECT_PRED_FORMAT2(says, text, "experiment.yaml:1:");
-    EXPECT_PRED_FORMAT2(says, text, "command.slowest_s: slowest_s = 1 s is shorter than fastest_s = 2 s");
-    EXPECT_PRED_FORMAT2(says, complaint("reach_m: [0.1, 0.2]"), "reach_m");
-    EXPECT_PRED_FORMAT2(says, complaint("reach_m: [0.1, 0.2, -0.1]"), "reach_m");
-    EXPECT_PRED_FORMAT2(says, complaint("rotation_rad: 4"), "rotation_rad");
-    EXPECT_PRED_FORMAT2(says, complaint("seed: -1"), "seed");
-    EXPECT_PRED_FORMAT2(says, complaint("top_speed_mps: 0"), "top_speed_mps");
-    EXPECT_PRED_FORMAT2(says, complaint("tremor: 1"), "tremor");
+    expectContains(complaint("fastest_s: 2, slowest_s: 1"),
+                   {"experiment.yaml:1:", "command.slowest_s: slowest_s = 1 s is shorter than fastest_s = 2 s"});
+    EXPECT_CONTAINS(complaint("reach_m: [0.1, 0.2]"), "reach_m");
+    EXPECT_CONTAINS(complaint("reach_m: [0.1, 0.2, -0.1]"), "reach_m");
+    EXPECT_CONTAINS(complaint("rotation_rad: 4"), "rotation_rad");
+    EXPECT_CONTAINS(complaint("seed: -1"), "seed");
+    EXPECT_CONTAINS(complaint("top_speed_mps: 0"), "top_speed_mps");
+    EXPECT_CONTAINS(complaint("tremor: 1"), "tremor");
     EXPECT_EQ(complaint("top_speed_mps: .inf"), "");
     EXPECT_EQ(complaint("fastest_s: 1, slowest_s: 1, pause_s: 0"), "");
 
     const CommandBench endless(1e6);
-    EXPECT_PRED_FORMAT2(says, endless.findComplaint<GeneratedHandMotion>("fastest_s: 0.1"),
-                        "command.fastest_s: a run of 1e+06 s may need more than 1e+06 reaches");
+    EXPECT_CONTAINS(endless.findComplaint<GeneratedHandMotion>("fastest_s: 0.1"),
+                    "command.fastest_s: a run of 1e+06 s may need more than 1e+06 reaches");
 }
 
 TEST(GeneratedHandMotion, BeginsExactlyAtTheStartPoseAtRest) {
     const CommandBench bench;
     for (int seed = 0; seed < 20; ++seed) {
-        GeneratedHandMotion source;
-        bench.configure(source, "seed: " + std::to_string(seed));
+        Configured<GeneratedHandMotion> source(bench, "seed: " + std::to_string(seed));
         EXPECT_EQ(source.traits().space, MotionCommand::Space::Tool);
         const MotionCommand command = sampleAt(source, 0.0);
         EXPECT_EQ(command.tool.position, bench.tool.position);
@@ -43,8 +41,7 @@ TEST(GeneratedHandMotion, BeginsExactlyAtTheStartPoseAtRest) {
 TEST(GeneratedHandMotion, IsSmoothAndStrongWithTheDefaults) {
     const CommandBench bench(60.0);
     for (const char* seed : {"seed: 1", "seed: 2", "seed: 3"}) {
-        GeneratedHandMotion source;
-        bench.configure(source, seed);
+        Configured<GeneratedHandMotion> source(bench, seed);
         // Tremor: 0.5 mrad at up to 12 Hz changes its acceleration by up to 0.21 krad/s^3.
         const MotionExtremes found = expectSmoothMotion(source, 60.0, 1.0);
         EXPECT_GT(found.reach, 0.15) << seed;
@@ -62,8 +59,7 @@ TEST(GeneratedHandMotion, IsSmoothAndStrongWithTheDefaults) {
 
 TEST(GeneratedHandMotion, StaysSmoothAtLargeRotations) {
     const CommandBench bench(30.0);
-    GeneratedHandMotion source;
-    bench.configure(source, "rotation_rad: 3, fastest_s: 1, tremor_m: 0, tremor_rad: 0");
+    Configured<GeneratedHandMotion> source(bench, "rotation_rad: 3, fastest_s: 1, tremor_m: 0, tremor_rad: 0");
     const MotionExtremes found = expectSmoothMotion(source, 30.0, 1.0);
     EXPECT_GT(found.turn, 2.0);
     EXPECT_LE(found.turn, 3.0);
@@ -71,8 +67,7 @@ TEST(GeneratedHandMotion, StaysSmoothAtLargeRotations) {
 
 TEST(GeneratedHandMotion, RestsInPausesAndKeepsTheReachPerAxis) {
     const CommandBench bench(60.0);
-    GeneratedHandMotion source;
-    bench.configure(source, "reach_m: [0.1, 0, 0.3], pause_s: 1, tremor_m: 0, tremor_rad: 0");
+    Configured<GeneratedHandMotion> source(bench, "reach_m: [0.1, 0, 0.3], pause_s: 1, tremor_m: 0, tremor_rad: 0");
     double largest[3] = {};
     int ticksAtRest = 0;
     for (int k = 0; k < 60000; ++k) {
@@ -93,8 +88,8 @@ TEST(GeneratedHandMotion, RestsInPausesAndKeepsTheReachPerAxis) {
 
 TEST(GeneratedHandMotion, TremorIsBoundedAndBetween8And12Hertz) {
     const CommandBench bench(20.0);
-    GeneratedHandMotion source;
-    bench.configure(source, "reach_m: [0, 0, 0], rotation_rad: 0, tremor_m: 0.002, tremor_rad: 0");
+    Configured<GeneratedHandMotion> source(bench,
+                                           "reach_m: [0, 0, 0], rotation_rad: 0, tremor_m: 0.002, tremor_rad: 0");
     double largest = 0.0, early = 0.0;
     int crossings = 0;
     double last = 0.0;
@@ -115,12 +110,9 @@ TEST(GeneratedHandMotion, TremorIsBoundedAndBetween8And12Hertz) {
 
 TEST(GeneratedHandMotion, IsAFunctionOfSeedAndTimeAlone) {
     const CommandBench bench(30.0), longer(300.0);
-    GeneratedHandMotion first, again, other, inLongRun, withoutTremor;
-    bench.configure(first, "seed: 5");
-    bench.configure(again, "seed: 5");
-    bench.configure(other, "seed: 6");
-    longer.configure(inLongRun, "seed: 5");
-    bench.configure(withoutTremor, "seed: 5, tremor_m: 0, tremor_rad: 0");
+    Configured<GeneratedHandMotion> first(bench, "seed: 5"), again(bench, "seed: 5"), other(bench, "seed: 6");
+    Configured<GeneratedHandMotion> inLongRun(longer, "seed: 5");
+    Configured<GeneratedHandMotion> withoutTremor(bench, "seed: 5, tremor_m: 0, tremor_rad: 0");
     double difference = 0.0;
     for (double t = 0.0; t < 30.0; t += 0.0123) {
         const MotionCommand command = sampleAt(first, t);
@@ -146,17 +138,16 @@ TEST(GeneratedHandMotion, DrawsTheSameNumbersOnEveryMachine) {
     const double target = extent * (2.0 * unit - 1.0);
 
     const CommandBench bench(2.0);
-    GeneratedHandMotion source;
-    bench.configure(source,
-                    "seed: 42, reach_m: [0.2, 0.2, 0.2], fastest_s: 1, slowest_s: 1, pause_s: 0.5, "
-                    "top_speed_mps: .inf, tremor_m: 0, tremor_rad: 0");
+    Configured<GeneratedHandMotion> source(
+        bench,
+        "seed: 42, reach_m: [0.2, 0.2, 0.2], fastest_s: 1, slowest_s: 1, pause_s: 0.5, "
+        "top_speed_mps: .inf, tremor_m: 0, tremor_rad: 0");
     EXPECT_NEAR(sampleAt(source, 1.0).tool.position.x() - bench.tool.position.x(), target, 1e-12);
 }
 
 TEST(GeneratedHandMotion, HoldsTheLastTargetAfterTheRun) {
     const CommandBench bench(1.0);
-    GeneratedHandMotion source;
-    bench.configure(source, "tremor_m: 0, tremor_rad: 0");
+    Configured<GeneratedHandMotion> source(bench, "tremor_m: 0, tremor_rad: 0");
     const MotionCommand late = sampleAt(source, 100.0);
     EXPECT_EQ(late.toolTwist, Vector6::Zero());
     expectSame(late, sampleAt(source, 1e9));
@@ -164,8 +155,7 @@ TEST(GeneratedHandMotion, HoldsTheLastTargetAfterTheRun) {
 
 TEST(GeneratedHandMotion, RefusesTimesThatAreNone) {
     const CommandBench bench;
-    GeneratedHandMotion source;
-    bench.configure(source, "");
+    Configured<GeneratedHandMotion> source(bench, "");
     MotionCommand command;
     for (double t : {-1.0, std::nan(""), HUGE_VAL}) EXPECT_EQ(source.sample(t, command), TickStatus::InvalidInput);
     EXPECT_EQ(command.tool.position, Eigen::Vector3d::Zero());  // not written
@@ -173,8 +163,7 @@ TEST(GeneratedHandMotion, RefusesTimesThatAreNone) {
 
 TEST(GeneratedHandMotion, DoesNotAllocate) {
     const CommandBench bench;
-    GeneratedHandMotion source;
-    bench.configure(source, "");
+    Configured<GeneratedHandMotion> source(bench, "");
     expectNoAllocation(bench, source, 50000);
 }
 

@@ -45,13 +45,12 @@ TEST(IdealPlant, OtherPlantsAreHeard) {
 TEST(IdealPlant, RefusesTorqueThatIsNotFiniteAndStaysAsItWas) {
     TestArm arm("indy7");
     IdealPlant plant;
-    plant.configure(arm.setup(), arm.read(PluginKind::RealPlant, "ideal", ""));
-    plant.reset(arm.start);
+    arm.configure(plant, PluginKind::RealPlant, "ideal");
     JointVector torque = arm.calcDynamics(arm.start).gravity, applied;
     EXPECT_EQ(plant.advance(torque, applied), TickStatus::Ok);
     EXPECT_LE((plant.actual().q - arm.start.q).lpNorm<Eigen::Infinity>(), 1e-15);
     const JointState before = plant.actual();
-    torque[3] = std::numeric_limits<double>::quiet_NaN();
+    torque[3] = kNan;
     EXPECT_EQ(plant.advance(torque, applied), TickStatus::InvalidInput);
     EXPECT_EQ(plant.actual().q, before.q);
     ASSERT_NE(plant.externalTorque(), nullptr);

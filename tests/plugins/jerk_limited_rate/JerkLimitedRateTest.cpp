@@ -51,8 +51,7 @@ TEST(JerkLimitedRate, VelocityAccelerationAndJerkHoldUnderRandomLimitsOfEitherSi
     std::mt19937 random(25);
     for (unsigned k = 0; k < 200; ++k) {
         bench.drawLimits(random);
-        const double size = 3.0 * bench.arm.limits.acceleration.upper[0];
-        const LawOutcome outcome = bench.push("", 20.0, size, k % 2 == 0, k);
+        const LawOutcome outcome = bench.push("", 20.0, 3.0 * bench.arm.limits.acceleration.upper[0], k % 2 == 0, k);
         SCOPED_TRACE("limits " + std::to_string(k));
         EXPECT_LE(outcome.excess.velocity, 1e-9);
         EXPECT_LE(outcome.excess.acceleration, 1e-9);
@@ -88,10 +87,7 @@ TEST(JerkLimitedRate, AdmissibleTorquePassesBitForBit) {
     const auto filter = bench.make();
     std::mt19937 random(5);
     for (int k = 0; k < 200; ++k) {
-        MotionState state = bench.arm.start;
-        state.q += makeRandomVector(6, 0.2, random);
-        state.qd = makeRandomVector(6, 0.2, random);
-        state.qdd = makeRandomVector(6, 1.0, random);
+        const MotionState state = makeRandomState(bench.arm, 0.2, 0.2, 1.0, random);
         const Dynamics dynamics = bench.arm.calcDynamics(state);
         JointVector torque;
         calcInverseDynamics(dynamics, state.qdd + makeRandomVector(6, 0.01, random), torque);

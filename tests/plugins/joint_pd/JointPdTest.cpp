@@ -13,8 +13,7 @@ protected:
 
     void configure(const std::string& text) {
         controller_ = JointPd();
-        controller_.configure(arm_.setup(), arm_.read(PluginKind::NominalController, "joint_pd", text));
-        controller_.reset(arm_.start);
+        arm_.configure(controller_, PluginKind::NominalController, "joint_pd", text);
     }
 
     void drawInputs() {
@@ -25,12 +24,20 @@ protected:
         command_.qd = makeRandomVector(n(), 2.0, random_);
     }
 
-    /** The acceleration that the controller's torque causes. Without rotors Simbody's own forward
-    dynamics says it, which shares nothing with the M and b that the controller used. */
-    JointVector calcResult(const Dynamics& dynamics) {
-        ControllerOutput output;
-        EXPECT_EQ(controller_.compute({command_, state_, dynamics}, output), TickStatus::Ok);
-        return arm_.model().calcLinkForwardDynamics(state_.q, state_.qd, output.torque);
+    /** The controller's torque causes the acceleration that `expected` gives for a joint. Without rotors Simbody's own
+    forward dynamics says it, which shares nothing with the M and b that the controller used. */
+    template <class Expected>
+    void expectResult(const std::string& parameters, const Expected& expected) {
+        arm_.robot.actuation.rotorInertia.setZero();
+        arm_.rebuildModel();
+        configure(parameters);
+        for (int k = 0; k < 100; ++k) {
+            drawInputs();
+            ControllerOutput output;
+            EXPECT_EQ(controller_.compute({command_, state_, arm_.calcDynamics(state_)}, output), TickStatus::Ok);
+            const JointVector qdd = arm_.model().calcLinkForwardDynamics(state_.q, state_.qd, output.torque);
+            for (int i = 0; i < n(); ++i) EXPECT_NEAR(qdd[i], expected(i), 1e-8);
+        }
     }
 
     TestArm arm_;
@@ -41,27 +48,13 @@ protected:
 };
 
 TEST_P(JointPdTest, ResultingAccelerationIsEquation24) {
-    arm_.robot.actuation.rotorInertia.setZero();
-    arm_.rebuildModel();
-    configure("stiffness: 5, damping: 1");
-    for (int k = 0; k < 100; ++k) {
-        drawInputs();
-        const JointVector qdd = calcResult(arm_.calcDynamics(state_));
-        for (int i = 0; i < n(); ++i)
-            EXPECT_NEAR(qdd[i], 5.0 * (command_.q[i] - state_.q[i]) - 1.0 * state_.qd[i], 1e-8);
-    }
+    expectResult("stiffness: 5, damping: 1",
+                 [&](int i) { return 5.0 * (command_.q[i] - state_.q[i]) - 1.0 * state_.qd[i]; });
 }
 
 TEST_P(JointPdTest, FeedforwardDampsTheDifferenceOfVelocities) {
-    arm_.robot.actuation.rotorInertia.setZero();
-    arm_.rebuildModel();
-    configure("stiffness: 40, damping: 12, velocity_feedforward: true");
-    for (int k = 0; k < 100; ++k) {
-        drawInputs();
-        const JointVector qdd = calcResult(arm_.calcDynamics(state_));
-        for (int i = 0; i < n(); ++i)
-            EXPECT_NEAR(qdd[i], 40.0 * (command_.q[i] - state_.q[i]) + 12.0 * (command_.qd[i] - state_.qd[i]), 1e-8);
-    }
+    expectResult("stiffness: 40, damping: 12, velocity_feedforward: true",
+                 [&](int i) { return 40.0 * (command_.q[i] - state_.q[i]) + 12.0 * (command_.qd[i] - state_.qd[i]); });
 }
 
 TEST_P(JointPdTest, RotorInertiaIsPartOfTheInverseDynamics) {
@@ -87,8 +80,7 @@ TEST_P(JointPdTest, EachJointMayHaveItsOwnGains) {
     configure("stiffness: [" + stiffness + "], damping: [" + damping + "]");
     drawInputs();
     ControllerOutput output;
-    const Dynamics unit = makeUnitDynamics(n());
-    ASSERT_EQ(controller_.compute({command_, state_, unit}, output), TickStatus::Ok);
+    ASSERT_EQ(controller_.compute({command_, state_, makeUnitDynamics(n())}, output), TickStatus::Ok);
     for (int i = 0; i < n(); ++i)
         EXPECT_NEAR(output.torque[i], (10 + i) * (command_.q[i] - state_.q[i]) - (3 + i) * state_.qd[i], 1e-12);
 }
@@ -114,21 +106,19 @@ TEST_P(JointPdTest, RefusesToolSpaceAndWhatIsNotFinite) {
     bad.qd.resize(n() + 1);
     expectRefused(bad, state_);
     MotionState badState = state_;
-    badState.qd[0] = std::numeric_limits<double>::infinity();
+    badState.qd[0] = kInfinity;
     expectRefused(command_, badState);
 }
 
 TEST_P(JointPdTest, RefusesNegativeGains) {
-    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: -5"); }), "stiffness");
-    EXPECT_CONTAINS(findComplaint([&] { configure("damping: -0.1"); }), "-0.1");
-    EXPECT_CONTAINS(findComplaint([&] { configure("stifness: 5"); }), "stiffness");
+    expectError({"stiffness"}, [&] { configure("stiffness: -5"); });
+    expectError({"-0.1"}, [&] { configure("damping: -0.1"); });
+    expectError({"stiffness"}, [&] { configure("stifness: 5"); });
 }
 
 TEST_P(JointPdTest, LoadsAsALibrary) {
     configure("");
-    const auto plugin = PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "joint_pd"));
-    plugin->configure(arm_.setup(), arm_.read(PluginKind::NominalController, "joint_pd", ""));
-    plugin->reset(arm_.start);
+    const auto plugin = arm_.load<NominalController>(PluginKind::NominalController, "joint_pd");
     drawInputs();
     const Dynamics dynamics = arm_.calcDynamics(state_);
     ControllerOutput loaded, own;

@@ -8,8 +8,7 @@ namespace {
 class NoneTest : public ::testing::Test {
 protected:
     NoneTest() {
-        none_.configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "none", ""));
-        none_.reset(arm_.start);
+        arm_.configure(none_, PluginKind::RobustLoop, "none");
         real_ = {arm_.start.q, arm_.start.qd};
         filterTorque_.setConstant(arm_.size(), 3.0);
     }
@@ -49,11 +48,8 @@ TEST_F(NoneTest, RefusesWhatIsNotFiniteOrOfTheWrongSize) {
 }
 
 TEST_F(NoneTest, LoadsAsALibrary) {
-    const PluginInfo info = findPlugin(PluginKind::RobustLoop, "none");
-    EXPECT_EQ(info.entry->parameterCount, 0u);
-    const auto plugin = PluginLoader::create<RobustLoop>(info);
-    plugin->configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "none", ""));
-    plugin->reset(arm_.start);
+    EXPECT_EQ(findPlugin(PluginKind::RobustLoop, "none").entry->parameterCount, 0u);
+    const auto plugin = arm_.load<RobustLoop>(PluginKind::RobustLoop, "none");
     JointVector torque;
     ASSERT_EQ(plugin->compute(real_, arm_.start, filterTorque_, torque), TickStatus::Ok);
     EXPECT_EQ(torque, JointVector::Zero(arm_.size()));
@@ -61,7 +57,7 @@ TEST_F(NoneTest, LoadsAsALibrary) {
 }
 
 TEST_F(NoneTest, HasNoParameters) {
-    EXPECT_CONTAINS(findComplaint([&] { arm_.read(PluginKind::RobustLoop, "none", "k_r: 600"); }), "k_r");
+    expectError({"k_r"}, [&] { arm_.read(PluginKind::RobustLoop, "none", "k_r: 600"); });
 }
 
 }  // namespace

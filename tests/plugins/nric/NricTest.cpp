@@ -12,10 +12,7 @@ protected:
 
     int n() const { return arm_.size(); }
 
-    void configure(const std::string& text) {
-        loop_.configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "nric", text));
-        loop_.reset(arm_.start);
-    }
+    void configure(const std::string& text) { arm_.configure(loop_, PluginKind::RobustLoop, "nric", text); }
 
     /** The answer to the position error e and the velocity error de. */
     JointVector compute(const JointVector& e, const JointVector& de, const JointVector& filterTorque) {
@@ -53,9 +50,7 @@ TEST_F(NricTest, NeitherIntegralNorRateCountWhatTheHostWithheld) {
 // Formula (7), joint by joint, with the integral as a plain sum in higher precision.
 TEST_F(NricTest, FollowsFormula7WithAGainOfItsOwnForEachJoint) {
     const double kr[] = {600, 500, 400, 30, 20, 10}, kp[] = {20, 19, 18, 0, 16, 15}, ki[] = {8, 7, 6, 5, 0, 3};
-    configure(
-        "k_r: [600, 500, 400, 30, 20, 10], k_p: [20, 19, 18, 0, 16, 15], "
-        "k_i: [8, 7, 6, 5, 0, 3]");
+    configure("k_r: [600, 500, 400, 30, 20, 10], k_p: [20, 19, 18, 0, 16, 15], k_i: [8, 7, 6, 5, 0, 3]");
     std::mt19937 random(2);
     std::vector<long double> sum(n(), 0.0L);
     for (int k = 0; k < 5000; ++k) {
@@ -86,8 +81,7 @@ TEST_F(NricTest, DefaultsFollowFromTheArmInEveryPose) {
         inverse.diagonal() += loop.kr.cwiseInverse();
         const JointVector error = de + loop.kp.cwiseProduct(e) + 0.001 * loop.ki.cwiseProduct(e);
         const JointVector expected = -(inverse.inverse() * error);
-        const JointVector torque = compute(e, de, constant(0.0));
-        EXPECT_LE((torque - expected).norm(), 1e-9 * expected.norm());
+        EXPECT_LE((compute(e, de, constant(0.0)) - expected).norm(), 1e-9 * expected.norm());
     }
 }
 
@@ -171,13 +165,10 @@ TEST_F(NricTest, Fault17IntegralIsHeldWhileSaturatedAndReleasedAtOnce) {
         configure("k_r: 600, k_p: 20, k_i: 8");
         // An arm that is held 0.1 rad off: the loop asks for 1200 Nm, twenty seconds long. A free
         // integral would reach 2 rad s and keep the motor at its limit long after the release.
-        for (int k = 0; k < 20000; ++k) {
-            const JointVector torque = compute(constant(0.1 * side), constant(0.0), constant(0.0));
-            ASSERT_EQ(torque, constant(-50.0 * side));
-        }
+        for (int k = 0; k < 20000; ++k)
+            ASSERT_EQ(compute(constant(0.1 * side), constant(0.0), constant(0.0)), constant(-50.0 * side));
         // Let go: the very next answer is that of an integral that never grew.
-        const JointVector released = compute(constant(0.0), constant(0.0), constant(0.0));
-        EXPECT_LE(released.lpNorm<Eigen::Infinity>(), 1e-12);
+        EXPECT_LE(compute(constant(0.0), constant(0.0), constant(0.0)).lpNorm<Eigen::Infinity>(), 1e-12);
         const double e = -0.001 * side;
         const JointVector back = compute(constant(e), constant(0.0), constant(0.0));
         for (int i = 0; i < n(); ++i) EXPECT_NEAR(back[i], -600.0 * (20.0 * e + 8.0 * e * 0.001), 1e-9);
@@ -215,8 +206,7 @@ TEST_F(NricTest, TheMotorsTorqueChangesNoFasterThanItsRateAndTheIntegralIsHeldMe
         const JointVector torque = compute(constant(0.0), constant(0.0), dynamics.gravity);
         for (int i = 0; i < n(); ++i) ASSERT_NEAR(torque[i], 1.0 * k, 1e-6);
     }
-    const JointVector released = compute(constant(0.0), constant(0.0), dynamics.gravity);
-    EXPECT_LE(released.lpNorm<Eigen::Infinity>(), 1e-6);
+    EXPECT_LE(compute(constant(0.0), constant(0.0), dynamics.gravity).lpNorm<Eigen::Infinity>(), 1e-6);
 }
 
 TEST_F(NricTest, IntegralMayShrinkWhileSaturated) {
@@ -225,12 +215,8 @@ TEST_F(NricTest, IntegralMayShrinkWhileSaturated) {
     // Wind up within the limit to 5 e-3 rad s (24 Nm), then saturate by a velocity error on the
     // same side while the position error already pulls the other way.
     for (int k = 0; k < 500; ++k) compute(constant(0.01), constant(0.0), constant(0.0));
-    for (int k = 0; k < 500; ++k) {
-        const JointVector torque = compute(constant(-0.01), constant(1.0), constant(0.0));
-        ASSERT_EQ(torque, constant(-50.0));
-    }
-    const JointVector torque = compute(constant(0.0), constant(0.0), constant(0.0));
-    EXPECT_LE(torque.lpNorm<Eigen::Infinity>(), 1e-9);
+    for (int k = 0; k < 500; ++k) ASSERT_EQ(compute(constant(-0.01), constant(1.0), constant(0.0)), constant(-50.0));
+    EXPECT_LE(compute(constant(0.0), constant(0.0), constant(0.0)).lpNorm<Eigen::Infinity>(), 1e-9);
 }
 
 TEST_F(NricTest, ResetForgetsTheIntegral) {
@@ -259,9 +245,7 @@ TEST_F(NricTest, BoundsThatDoNotActChangeNoBit) {
     Nric bounded;
     // In 2000 ticks of |e| <= 6e-3 the integral's torque stays below 600 x 8 x 0.012 = 58 Nm, and no step is
     // larger than twice 600 x (0.1 + 20 x 0.006) + 58 = 380 Nm.
-    bounded.configure(arm_.setup(),
-                      arm_.read(PluginKind::RobustLoop, "nric", "integral_limit_Nm: 60, torque_rate_Nmps: 380e3"));
-    bounded.reset(arm_.start);
+    arm_.configure(bounded, PluginKind::RobustLoop, "nric", "integral_limit_Nm: 60, torque_rate_Nmps: 380e3");
     std::mt19937 random(5);
     for (int k = 0; k < 2000; ++k) {
         const JointState real{arm_.start.q + makeRandomVector(n(), 0.004, random) + constant(0.002),
@@ -450,16 +434,15 @@ TEST_F(NricTest, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
 
     const JointVector second = compute(e, zero, zero);
     Nric other;
-    other.configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "nric", ""));
-    other.reset(arm_.start);
+    arm_.configure(other, PluginKind::RobustLoop, "nric");
     JointVector expected;
     for (int k = 0; k < 2; ++k) other.compute(real, arm_.start, zero, expected);
     EXPECT_EQ(second, expected);  // the refused ticks left no trace in the integral
 }
 
 TEST_F(NricTest, RefusesNegativeGainsAndListsOfTheWrongLength) {
-    EXPECT_CONTAINS(test::findComplaint([&] { configure("k_r: -1"); }), "k_r");
-    EXPECT_CONTAINS(test::findComplaint([&] { configure("k_i: [1, 2]"); }), "k_i");
+    expectError({"k_r"}, [&] { configure("k_r: -1"); });
+    expectError({"k_i"}, [&] { configure("k_i: [1, 2]"); });
 }
 
 TEST_F(NricTest, TellsTheLinearLawThatATrackingBoundFollowsFrom) {
@@ -470,14 +453,12 @@ TEST_F(NricTest, TellsTheLinearLawThatATrackingBoundFollowsFrom) {
     EXPECT_EQ(loop->kp, constant(4.0));
     EXPECT_EQ(loop->ki, constant(2.0));
     EXPECT_EQ(loop->integralLimit, constant(7.0));
-    EXPECT_EQ(loop->torqueRate, constant(std::numeric_limits<double>::infinity()));
+    EXPECT_EQ(loop->torqueRate, constant(kInfinity));
 }
 
 TEST_F(NricTest, LoadsAsALibrary) {
     configure("");
-    const auto plugin = PluginLoader::create<RobustLoop>(findPlugin(PluginKind::RobustLoop, "nric"));
-    plugin->configure(arm_.setup(), arm_.read(PluginKind::RobustLoop, "nric", ""));
-    plugin->reset(arm_.start);
+    const auto plugin = arm_.load<RobustLoop>(PluginKind::RobustLoop, "nric");
     const JointState real{arm_.start.q + constant(0.01), arm_.start.qd};
     JointVector torque;
     ASSERT_EQ(plugin->compute(real, arm_.start, constant(0.0), torque), TickStatus::Ok);
@@ -532,10 +513,10 @@ TEST_F(NricTest, FrictionThatDoesNotFitIsRefused) {
     EXPECT_EQ(tell(good), "");
     FrictionFeed wrong = good;
     wrong.figures.coulomb.resize(2);
-    EXPECT_NE(tell(wrong).find("NricOptions::friction: it has not one number for each of 6 joints"), std::string::npos);
+    EXPECT_CONTAINS(tell(wrong), "NricOptions::friction: it has not one number for each of 6 joints");
     wrong = good;
     wrong.speed[3] = 0.0;
-    EXPECT_NE(tell(wrong).find("NricOptions::friction"), std::string::npos);
+    EXPECT_CONTAINS(tell(wrong), "NricOptions::friction");
     EXPECT_THROW(scaleFriction(arm_.robot.actuation.friction, -1.0, arm_.robot.limits, 1e-3), Error);
 }
 

@@ -7,18 +7,9 @@
 namespace viable {
 namespace {
 
-MotionState makeRandomState(const TestArm& arm, std::mt19937& random) {
-    const int n = arm.size();
-    return {arm.robot.home + makeRandomVector(n, 0.8, random), makeRandomVector(n, 2.0, random),
-            makeRandomVector(n, 10.0, random)};
-}
-
 class PassThroughTest : public ::testing::TestWithParam<const char*> {
 protected:
-    PassThroughTest() : arm_(GetParam()) {
-        filter_.configure(arm_.setup(), arm_.read(PluginKind::SafetyFilter, "pass_through", ""));
-        filter_.reset(arm_.start);
-    }
+    PassThroughTest() : arm_(GetParam()) { arm_.configure(filter_, PluginKind::SafetyFilter, "pass_through"); }
 
     TestArm arm_;
     PassThrough filter_;
@@ -27,7 +18,7 @@ protected:
 
 TEST_P(PassThroughTest, TorqueIsLeftBitForBit) {
     for (int k = 0; k < 200; ++k) {
-        const MotionState state = makeRandomState(arm_, random_);
+        const MotionState state = makeRandomState(arm_, 0.8, 2.0, 10.0, random_);
         const Dynamics dynamics = arm_.calcDynamics(state);
         const JointVector torque = makeRandomVector(arm_.size(), 300.0, random_);
         FilterDecision decision;
@@ -40,7 +31,7 @@ TEST_P(PassThroughTest, TorqueIsLeftBitForBit) {
 
 TEST_P(PassThroughTest, AccelerationIsThatOfTheTorque) {
     for (int k = 0; k < 200; ++k) {
-        const MotionState state = makeRandomState(arm_, random_);
+        const MotionState state = makeRandomState(arm_, 0.8, 2.0, 10.0, random_);
         const Dynamics dynamics = arm_.calcDynamics(state);
         const JointVector torque = makeRandomVector(arm_.size(), 100.0, random_);
         FilterDecision decision;
@@ -64,7 +55,7 @@ TEST_P(PassThroughTest, AccelerationAgreesWithSimbodysForwardDynamics) {
     arm_.robot.actuation.rotorInertia.setZero();  // Simbody's own route knows no rotors
     arm_.rebuildModel();
     for (int k = 0; k < 50; ++k) {
-        const MotionState state = makeRandomState(arm_, random_);
+        const MotionState state = makeRandomState(arm_, 0.8, 2.0, 10.0, random_);
         const JointVector torque = makeRandomVector(arm_.size(), 50.0, random_);
         FilterDecision decision;
         ASSERT_EQ(filter_.filter({state, torque, arm_.calcDynamics(state)}, decision), FilterStatus::Passed);

@@ -105,13 +105,12 @@ TEST(RandomSteps, AllInsideOrAllBeyond) {
 
 TEST(RandomSteps, ComplainsAboutTimesAndLimitsThatCannotBe) {
     const CommandBench bench;
-    EXPECT_PRED_FORMAT2(says, findComplaint(bench, "shortest_s: 2, longest_s: 1"),
-                        "command.longest_s: longest_s = 1 s is shorter than shortest_s = 2 s");
-    EXPECT_PRED_FORMAT2(says, findComplaint(CommandBench(1e6), "shortest_s: 0.001"), "more than 1e+06 steps");
-    EXPECT_PRED_FORMAT2(says, findComplaint(bench, "beyond_share: 1.1"), "beyond_share");
+    EXPECT_CONTAINS(findComplaint(bench, "shortest_s: 2, longest_s: 1"),
+                    "command.longest_s: longest_s = 1 s is shorter than shortest_s = 2 s");
+    EXPECT_CONTAINS(findComplaint(CommandBench(1e6), "shortest_s: 0.001"), "more than 1e+06 steps");
+    EXPECT_CONTAINS(findComplaint(bench, "beyond_share: 1.1"), "beyond_share");
     RandomSteps source;
-    EXPECT_PRED_FORMAT2(says, test::catchError([&] { bench.configure(source, ""); }),
-                        "needs a position limit on both sides of");
+    expectError({"needs a position limit on both sides of"}, [&] { bench.configure(source, ""); });
 }
 
 TEST(RandomSteps, AllocatesNothingInATick) {

@@ -11,10 +11,7 @@ namespace {
 const char* const kBare = "friction: none, encoder: exact";
 
 struct Driven {
-    Driven(TestArm& arm, const std::string& text) {
-        plant.configure(arm.setup(), arm.read(PluginKind::RealPlant, "simbody", text));
-        plant.reset(arm.start);
-    }
+    Driven(TestArm& arm, const std::string& text) { arm.configure(plant, PluginKind::RealPlant, "simbody", text); }
     JointVector advance(const JointVector& torque) {
         JointVector applied;
         EXPECT_EQ(plant.advance(torque, applied), TickStatus::Ok);
@@ -240,8 +237,7 @@ TEST(ArmHardware, AdvanceAllocatesNothingWithEverythingOn) {
     TestArm arm("indy7");
     for (const std::string gears : {"", ", backlash_rad: 1.0e-3, substeps: 20"}) {
         Driven plant(arm,
-                     "load_friction: 0.1, delay_ticks: 3, torque_ripple_Nm: 1, push_Nm: 2, "
-                     "blocked_joint: 1, "
+                     "load_friction: 0.1, delay_ticks: 3, torque_ripple_Nm: 1, push_Nm: 2, blocked_joint: 1, "
                      "blocked_from_s: 0.1, sensor_fault: swap, encoder_noise_rad: 1.0e-5" +
                          gears);
         std::int64_t allocations = 0;
@@ -280,9 +276,7 @@ TEST(Backlash, Fault17ReversalCrossesTheGapBeforeTheLinkFollows) {
         widest = std::max(widest, lost);
         narrowest = std::min(narrowest, lost);
         // In the gap nothing moves the link.
-        if (lost < -0.1 * gap && lost > -0.9 * gap) {
-            EXPECT_NEAR(plant.actual().qd[0], link, 1e-9) << tick;
-        }
+        if (lost < -0.1 * gap && lost > -0.9 * gap) EXPECT_NEAR(plant.actual().qd[0], link, 1e-9) << tick;
     }
     // Lost motion: the whole gap, and what the spring gives: 1 Nm / K before; then the impact, in which the rotor comes
     // with v = sqrt(2 gap 1 Nm / J_r) and J_r I / (J_r + I) swings on K.
@@ -327,8 +321,7 @@ TEST(Backlash, GearsCarryTheArmFromTheStartAndStickingStaysStuck) {
 TEST(Backlash, RefusesTooFewStepsAndArmsWithoutRotors) {
     TestArm arm("indy7");
     const std::string complaint = complain(arm, "backlash_rad: 1.0e-3");
-    EXPECT_CONTAINS(complaint, "1 is too few for backlash");
-    EXPECT_CONTAINS(complaint, "Write substeps: ");
+    expectContains(complaint, {"1 is too few for backlash", "Write substeps: "});
     const std::string needed = complaint.substr(complaint.find("Write substeps: ") + 16);
     const int enough = std::stoi(needed);
     EXPECT_EQ(complain(arm, "backlash_rad: 1.0e-3, substeps: " + std::to_string(enough)), "");

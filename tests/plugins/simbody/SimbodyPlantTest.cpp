@@ -232,9 +232,7 @@ TEST(SimbodyPlant, FrictionNeverFeedsEnergy) {
         }
         EXPECT_GT(lost, 1.0) << c.text;
         EXPECT_LE(fed, 1e-3 * lost) << c.text;
-        if (c.scale < 10.0) {
-            EXPECT_GT(sliding, 500) << c.text;
-        }
+        if (c.scale < 10.0) EXPECT_GT(sliding, 500) << c.text;
     }
 }
 
@@ -275,8 +273,7 @@ TEST(SimbodyPlant, Fault17TenfoldFrictionIsStableWithTheDefaultSteps) {
         Plant plant(arm, "encoder: exact, friction_scale: 10");
         double fastest = 0.0;
         for (int tick = 0; tick < 3000; ++tick) {
-            const JointVector torque = makeRandomVector(6, 1.0, random).cwiseProduct(arm.robot.actuation.torqueLimit);
-            plant.advance(torque);
+            plant.advance(makeRandomVector(6, 1.0, random).cwiseProduct(arm.robot.actuation.torqueLimit));
             ASSERT_TRUE(isFinite(plant.actual(), 6)) << "tick " << tick;
             if (tick > 1000) fastest = std::max(fastest, plant.actual().qd.lpNorm<Eigen::Infinity>());
         }
@@ -457,9 +454,7 @@ TEST(SimbodyPlant, MotionThatOverflowsIsFaultedAndTheStateStays) {
     }
     EXPECT_TRUE(isFinite(plant.actual(), 1));
     EXPECT_TRUE(isFinite(plant.measured(), 1));
-    if (status == TickStatus::Faulted) {
-        EXPECT_EQ(plant.actual().q, last.q);
-    }
+    if (status == TickStatus::Faulted) EXPECT_EQ(plant.actual().q, last.q);
 }
 
 /** A table whose top is so far below the tool of the start. */
@@ -556,9 +551,7 @@ TEST(SimbodyPlant, RefusesParametersOutsideTheirRange) {
 
 TEST(SimbodyPlant, LoadsAsALibrary) {
     TestArm arm("indy7");
-    const auto plugin = PluginLoader::create<RealPlant>(findPlugin(PluginKind::RealPlant, "simbody"));
-    plugin->configure(arm.setup(), arm.read(PluginKind::RealPlant, "simbody", "seed: 3"));
-    plugin->reset(arm.start);
+    const auto plugin = arm.load<RealPlant>(PluginKind::RealPlant, "simbody", "seed: 3");
     Plant own(arm, "seed: 3");
     JointVector applied;
     for (int k = 0; k < 100; ++k) {

@@ -403,9 +403,8 @@ TEST_F(StreamTest, OneNameIsForOneListener) {
     begin();
     Stream other;
     bench_.configure(other, "name: " + name_);
-    const std::string told = test::catchError([&] { other.reset(bench_.start); }, ErrorKind::PluginFailed);
-    EXPECT_PRED_FORMAT2(says, told, "another case of this run listens under this name");
-    EXPECT_PRED_FORMAT2(says, told, "give each a `name` of its own");
+    expectError({"another case of this run listens under this name", "give each a `name` of its own"},
+                ErrorKind::PluginFailed, [&] { other.reset(bench_.start); });
 }
 
 TEST_F(StreamTest, AfterItsEndTheNextOneGoesOnWithTheSameToken) {
@@ -438,9 +437,8 @@ TEST_F(StreamTest, TheDescriptionTellsProgramsHowToSend) {
 TEST(Stream, ANameMustBeOne) {
     const CommandBench bench;
     for (const char* name : {"../x", "a b", "\"\"", "a/b"}) {
-        const std::string complaint = bench.findComplaint<Stream>(std::string("name: ") + name);
-        EXPECT_PRED_FORMAT2(says, complaint, "is no name of a socket");
-        EXPECT_PRED_FORMAT2(says, complaint, "Write 1 to 40 letters, digits, - or _");
+        expectContains(bench.findComplaint<Stream>(std::string("name: ") + name),
+                       {"is no name of a socket", "Write 1 to 40 letters, digits, - or _"});
     }
 }
 
@@ -455,8 +453,7 @@ TEST(Stream, AFolderThatOthersCanEnterIsRefused) {
     const CommandBench bench;
     Stream stream;
     bench.configure(stream, "name: " + makeName());
-    const std::string told = test::catchError([&] { stream.reset(bench.start); }, ErrorKind::PluginFailed);
-    EXPECT_PRED_FORMAT2(says, told, "no folder of this user alone");
+    expectError({"no folder of this user alone"}, ErrorKind::PluginFailed, [&] { stream.reset(bench.start); });
     before ? setenv("XDG_RUNTIME_DIR", kept.c_str(), 1) : unsetenv("XDG_RUNTIME_DIR");
     std::filesystem::remove_all(folder);
 }

@@ -20,8 +20,7 @@ class TaskSpacePdTest : public ::testing::Test {
 protected:
     void configure(const std::string& text) { configure(controller_, text); }
     void configure(NominalController& controller, const std::string& text) {
-        controller.configure(arm_.setup(), arm_.read(PluginKind::NominalController, "task_space_pd", withPapers(text)));
-        controller.reset(arm_.start);
+        arm_.configure(controller, PluginKind::NominalController, "task_space_pd", withPapers(text));
     }
 
     /** A state whose pose is well away from singular ones. */
@@ -137,14 +136,11 @@ TEST_F(TaskSpacePdTest, WithoutGravityCompensationOnlyTheToolForceIsLeft) {
     }
     const MotionState atRest = arm_.start;
     controller_.reset(atRest);
-    const JointVector torque = compute(holdAt(arm_.calcDynamics(atRest).tool), atRest);
-    EXPECT_LE(torque.lpNorm<Eigen::Infinity>(), 1e-9);
+    EXPECT_LE(compute(holdAt(arm_.calcDynamics(atRest).tool), atRest).lpNorm<Eigen::Infinity>(), 1e-9);
 }
 
 TEST_F(TaskSpacePdTest, EachAxisHasItsOwnStiffnessAndDamping) {
-    configure(
-        "stiffness: [100, 200, 300, 40, 50, 60], damping: [0, 0, 0, 0, 0, 0], "
-        "gravity_compensation: false");
+    configure("stiffness: [100, 200, 300, 40, 50, 60], damping: [0, 0, 0, 0, 0, 0], gravity_compensation: false");
     const MotionState state = arm_.start;
     const Dynamics d = arm_.calcDynamics(state);
     const double K[] = {100, 200, 300, 40, 50, 60};
@@ -311,8 +307,7 @@ TEST_F(TaskSpacePdTest, Fault20SetPointBeyondReachGivesBoundedAcceleration) {
 TEST_F(TaskSpacePdTest, WorksForAnArmWithOneJoint) {
     TestArm arm("single_joint");
     TaskSpacePd controller;
-    controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", withPapers("")));
-    controller.reset(arm.start);
+    arm.configure(controller, PluginKind::NominalController, "task_space_pd", withPapers(""));
     const Dynamics d = arm.calcDynamics(arm.start);
     MotionCommand command = holdAt(d.tool);
     command.tool.position += Eigen::Vector3d(0, 0.1, 0);  // tangential: the tool is 1 m out
@@ -335,7 +330,7 @@ TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
     MotionCommand bad = good;
     bad.space = MotionCommand::Space::Joint;
     expectRefused(bad, arm_.start);
-    for (const double x : {kNan, std::numeric_limits<double>::infinity()}) {
+    for (const double x : {kNan, kInfinity}) {
         bad = good;
         bad.tool.position[1] = x;
         expectRefused(bad, arm_.start);
@@ -360,10 +355,9 @@ TEST_F(TaskSpacePdTest, RefusesJointSpaceAndWhatIsNotFinite) {
 }
 
 TEST_F(TaskSpacePdTest, RefusesGainsOutsideTheirRange) {
-    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 2, 3], damping: [1, 1, 1, 1, 1, 1]"); }),
-                    "stiffness");
-    EXPECT_CONTAINS(findComplaint([&] { configure("damping: [1, 1, 1, 1, 1, -1]"); }), "-1");
-    EXPECT_CONTAINS(findComplaint([&] { configure("singular_threshold: -0.1"); }), "singular_threshold");
+    expectError({"stiffness"}, [&] { configure("stiffness: [1, 2, 3], damping: [1, 1, 1, 1, 1, 1]"); });
+    expectError({"-1"}, [&] { configure("damping: [1, 1, 1, 1, 1, -1]"); });
+    expectError({"singular_threshold"}, [&] { configure("singular_threshold: -0.1"); });
 }
 
 // Away from singular poses the tool's acceleration is w^2 e + 2 z w de in every direction, whatever it weighs: as the bound
@@ -391,8 +385,7 @@ TEST_F(TaskSpacePdTest, ShapedItAnswersAlikeInEveryDirection) {
 TEST_F(TaskSpacePdTest, ShapedItDampsWhatTheToolDoesNotShow) {
     TestArm arm("panda");
     TaskSpacePd controller;
-    controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", ""));
-    controller.reset(arm.start);
+    arm.configure(controller, PluginKind::NominalController, "task_space_pd");
     MotionState state = arm.start;
     const Dynamics d = arm.calcDynamics(state);
     const Eigen::FullPivLU<Eigen::MatrixXd> rank(d.J);
@@ -411,8 +404,7 @@ TEST_F(TaskSpacePdTest, ShapedItStaysFiniteInSingularPosesOfEveryArm) {
     for (const char* name : {"indy7", "panda", "ur5e", "planar_two_link", "single_joint"}) {
         TestArm arm(name);
         TaskSpacePd controller;
-        controller.configure(arm.setup(), arm.read(PluginKind::NominalController, "task_space_pd", ""));
-        controller.reset(arm.start);
+        arm.configure(controller, PluginKind::NominalController, "task_space_pd");
         for (int k = 0; k < 100; ++k) {
             MotionState state = arm.start;
             if (k > 0) state.q = makeRandomVector(arm.size(), 3.0, random_);
@@ -431,18 +423,16 @@ TEST_F(TaskSpacePdTest, ShapedItStaysFiniteInSingularPosesOfEveryArm) {
 }
 
 TEST_F(TaskSpacePdTest, MatricesComeTogether) {
-    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: [1, 1, 1, 1, 1, 1]"); }), "belong together");
-    EXPECT_CONTAINS(findComplaint([&] { configure("damping: [1, 1, 1, 1, 1, 1]"); }), "Give both, or neither");
-    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: soft, natural_frequency_radps: 3"); }),
-                    "`soft` is neither a number nor `auto`. Write");
-    EXPECT_CONTAINS(findComplaint([&] { configure("stiffness: atuo"); }), "Did you mean `auto`?");
+    expectError({"belong together"}, [&] { configure("stiffness: [1, 1, 1, 1, 1, 1]"); });
+    expectError({"Give both, or neither"}, [&] { configure("damping: [1, 1, 1, 1, 1, 1]"); });
+    expectError({"`soft` is neither a number nor `auto`. Write"},
+                [&] { configure("stiffness: soft, natural_frequency_radps: 3"); });
+    expectError({"Did you mean `auto`?"}, [&] { configure("stiffness: atuo"); });
 }
 
 TEST_F(TaskSpacePdTest, LoadsAsALibrary) {
     configure("");
-    const auto plugin =
-        PluginLoader::create<NominalController>(findPlugin(PluginKind::NominalController, "task_space_pd"));
-    configure(*plugin, "");
+    const auto plugin = arm_.load<NominalController>(PluginKind::NominalController, "task_space_pd", withPapers(""));
     const MotionState state = drawState();
     const MotionCommand command = drawCommand(arm_.calcDynamics(state).tool);
     EXPECT_EQ(compute(*plugin, command, state), compute(command, state));

@@ -113,10 +113,12 @@ TEST(Teleoperation, EngagingAnywhereMovesNothingAndThenTheToolMovesAsTheHand) {
         hand.hand.orientation = Eigen::AngleAxisd(0.05, Vector3d::UnitY()) * hand.hand.orientation;
         bench.send();
     }
-    const Vector3d moved = bench.command().tool.position - bench.startTool().position;
-    EXPECT_LE((moved - 0.5 * (hand.hand.position - before.position)).norm(), 1e-12);
-    const Vector3d turn = calcTurn(bench.startTool(), bench.command().tool);
-    EXPECT_LE((turn - Vector3d(0.0, 0.5, 0.0)).norm(), 1e-9);  // not scaled
+    EXPECT_LE(
+        (bench.command().tool.position - bench.startTool().position - 0.5 * (hand.hand.position - before.position))
+            .norm(),
+        1e-12);
+    EXPECT_LE((calcTurn(bench.startTool(), bench.command().tool) - Vector3d(0.0, 0.5, 0.0)).norm(),
+              1e-9);  // not scaled
     EXPECT_TRUE(bench.command().toolTwist.isZero());
 }
 
@@ -138,8 +140,7 @@ TEST(Teleoperation, AxesAndPartsOfTheHandAreMapped) {
     hand.hand.position += Vector3d(0.05, 0.0, 0.0);
     hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * hand.hand.orientation;
     bench.send();
-    const Vector3d turn = calcTurn(bench.startTool(), bench.command().tool);
-    EXPECT_LE((turn - Vector3d(0.0, 0.0, 0.2)).norm(), 1e-9);
+    EXPECT_LE((calcTurn(bench.startTool(), bench.command().tool) - Vector3d(0.0, 0.0, 0.2)).norm(), 1e-9);
     EXPECT_EQ(moved, bench.command().tool.position - bench.startTool().position);
 }
 
@@ -167,7 +168,7 @@ TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengaging
     JointVector q = bench.start().q, rest = q;
     q[1] += 0.2;
     rest[1] += 0.25;
-    rest[2] = std::numeric_limits<double>::quiet_NaN();  // a joint without a stop
+    rest[2] = kNan;  // a joint without a stop
     bench.source().observe(q, rest);
     bench.press(0, 1);
     rest[2] = q[2];
@@ -231,7 +232,7 @@ TEST(Teleoperation, Fault62_OldAndRepeatedMessagesAreDropped) {
 }
 
 TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAnew) {
-    const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+    const double nan = kNan, inf = kInfinity;
     struct Wrong {
         const char* name;
         std::function<void(HandMessage&)> make;
@@ -400,9 +401,8 @@ TEST(Teleoperation, SlidersMoveTheJointsFromWhereTheyAre) {
 }
 
 TEST(Teleoperation, WrongAxesAreToldWithTheirPlace) {
-    const std::string told = test::catchError([&] { Bench bench("axes: [1, 0, 0, 0, 1, 0, 0, 0, -1]"); });
-    EXPECT_PRED_FORMAT2(says, told, "axes is not a rotation");
-    EXPECT_PRED_FORMAT2(says, told, "experiment.yaml:1:");
+    expectError({"axes is not a rotation", "experiment.yaml:1:"},
+                [&] { Bench bench("axes: [1, 0, 0, 0, 1, 0, 0, 0, -1]"); });
 }
 
 TEST(Teleoperation, TicksTakeNoMemory) {
@@ -422,8 +422,7 @@ TEST(Teleoperation, TicksTakeNoMemory) {
 TEST(Teleoperation, WhateverComesTheCommandIsFiniteAndStandsWithoutTheSwitch) {
     std::mt19937_64 random(20261125);
     std::uniform_real_distribution<double> step(-0.15, 0.15);
-    const double odd[] = {0.0, 1e300, -1e300, std::numeric_limits<double>::quiet_NaN(),
-                          std::numeric_limits<double>::infinity()};
+    const double odd[] = {0.0, 1e300, -1e300, kNan, kInfinity};
     Bench bench;
     for (int k = 0; k < 20000; ++k) {
         HandMessage& hand = bench.hand();
@@ -440,9 +439,8 @@ TEST(Teleoperation, WhateverComesTheCommandIsFiniteAndStandsWithoutTheSwitch) {
         const State was = bench.state();
         bench.send(static_cast<int>(random() % 30) + 1);
         ASSERT_FALSE(HasFatalFailure());
-        if (hand.engagement == 0 && was == State::Released && k > 0) {
+        if (hand.engagement == 0 && was == State::Released && k > 0)
             EXPECT_EQ(bench.command().tool.position, last.tool.position) << k;
-        }
         if (!hand.hand.position.allFinite() || hand.hand.position.norm() > 900) hand.hand = before.hand;
         if (!hand.hand.position.allFinite()) hand.hand.position.setZero();
         if (!(hand.scale >= 0.1 && hand.scale <= 5.0)) hand.scale = 1.0;
@@ -513,8 +511,7 @@ TEST(Teleoperation, ALiveArmFollowsAHandComesToRestWithoutItAndTheLogReplays) {
 }
 
 TEST(Teleoperation, IsFoundByItsName) {
-    const PluginPtr<CommandSource> loaded = loadCommandSource("teleoperation");
-    EXPECT_NE(dynamic_cast<TeleoperatedCommand*>(loaded.get()), nullptr);
+    EXPECT_NE(dynamic_cast<TeleoperatedCommand*>(loadCommandSource("teleoperation").get()), nullptr);
 }
 
 }  // namespace

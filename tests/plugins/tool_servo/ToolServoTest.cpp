@@ -95,8 +95,9 @@ protected:
 
 TEST_F(ToolServoTest, ReferenceReachesReachablePosesExactly) {
     for (int k = 0; k < 50; ++k) {
-        const JointVector goal = arm_.robot.home + makeRandomVector(arm_.size(), 0.3, random_);
-        const Pose command = arm_.calcDynamics(goal, JointVector::Zero(arm_.size())).tool;
+        const Pose command = arm_.calcDynamics(arm_.robot.home + makeRandomVector(arm_.size(), 0.3, random_),
+                                               JointVector::Zero(arm_.size()))
+                                 .tool;
         ToolReference reference;
         configure(reference);
         const Pose end = follow(reference, command, 3.0);
@@ -110,8 +111,7 @@ TEST_F(ToolServoTest, ReferenceGoesAsNearAsItCanAndRestsThere) {
     command.position += Eigen::Vector3d(5.0, 0.0, 0.0);
     ToolReference reference;
     configure(reference);
-    const Pose end = follow(reference, command, 20.0);
-    EXPECT_GT(end.position.x(), homeTool().position.x() + 0.1);
+    EXPECT_GT(follow(reference, command, 20.0).position.x(), homeTool().position.x() + 0.1);
     const JointVector before = reference.q();
     follow(reference, command, 1.0);
     EXPECT_LE((reference.q() - before).cwiseAbs().maxCoeff(), 0.02) << "it creeps or swings in the stretched pose";
@@ -259,8 +259,9 @@ TEST_F(ToolServoTest, SpareJointsLeadTheArmAwayFromWhatIsNear) {
         double worst = 0.0;
         for (int tick = 0; tick < 5000; ++tick) {
             reference.advance(command, surroundings.get(), 0.0);
-            const Pose tool = arm_.calcDynamics(reference.q(), JointVector::Zero(arm_.size())).tool;
-            worst = std::max(worst, (tool.position - command.position).norm());
+            worst = std::max(worst, (arm_.calcDynamics(reference.q(), JointVector::Zero(arm_.size())).tool.position -
+                                     command.position)
+                                        .norm());
         }
         nearest[leads] = calcNearest(clearances, *surroundings, reference.q());
         EXPECT_LE(worst, 1e-4) << "the tool was moved";
@@ -312,8 +313,10 @@ TEST_F(ToolServoTest, ReferenceTurnsOnWithACommandThatTurnsRoundTwice) {
         command.orientation = calcRotation(axis * (1e-3 * tick)) * home.orientation;
         if (tick % 2 == 1) command.orientation.coeffs() *= -1.0;  // the same rotation
         reference.advance(command);
-        const Pose tool = arm.calcDynamics(reference.q(), JointVector::Zero(7)).tool;
-        worst = std::max(worst, calcRotationVector(tool.orientation * command.orientation.conjugate()).norm());
+        worst =
+            std::max(worst, calcRotationVector(arm.calcDynamics(reference.q(), JointVector::Zero(7)).tool.orientation *
+                                               command.orientation.conjugate())
+                                .norm());
     }
     EXPECT_LE(worst, 0.01);
     EXPECT_GT(std::abs(reference.q()[6] - arm.robot.home[6]), 2.0 * kPi) << "it did not turn on";
@@ -335,10 +338,7 @@ public:
         for (int tick = 0; tick < ticks; ++tick) {
             const Dynamics dynamics = arm_.calcDynamics(state);
             ASSERT_EQ(servo_.compute({command, state, dynamics}, output), TickStatus::Ok);
-            for (int i = 0; i < arm_.size(); ++i) {
-                const AxisState s = advance({state.q[i], state.qd[i], state.qdd[i]}, output.accelerationRate[i], 1e-3);
-                state.q[i] = s.p, state.qd[i] = s.v, state.qdd[i] = s.a;
-            }
+            advanceArm(state, output.accelerationRate, 1e-3);
             check();
         }
     }
@@ -390,17 +390,9 @@ TEST_F(ToolServoTest, ARelativeCommandBeginsWhereTheToolIs) {
 }
 
 TEST(ToolServo, NeedsAJerkLimit) {
-    expectContains(catchError([] {
-                       run({"limits.jerk_radps3=.inf", "filter={plugin: pass_through}"});
-                   }),
-                   {"tool_servo", "jerk limit", "limits.jerk_radps3"});
-}
-
-void advanceArm(MotionState& state, const JointVector& jerk, double tick_s) {
-    for (int i = 0; i < state.q.size(); ++i) {
-        const AxisState next = advance({state.q[i], state.qd[i], state.qdd[i]}, jerk[i], tick_s);
-        state.q[i] = next.p, state.qd[i] = next.v, state.qdd[i] = next.a;
-    }
+    expectError({"tool_servo", "jerk limit", "limits.jerk_radps3"}, [] {
+        run({"limits.jerk_radps3=.inf", "filter={plugin: pass_through}"});
+    });
 }
 
 // A tool that is where it should be, and spare joints that would go faster than they may.
@@ -420,8 +412,8 @@ TEST(ToolFollower, SpareJointsOfAnArmAtItsCommandGoTheirWay) {
     for (int k = 0; k < 5000; ++k) {
         follower.calc(state, command, nullptr, k * arm.tick_s, jerk);
         advanceArm(state, jerk, arm.tick_s);
-        const Pose tool = arm.calcDynamics(state.q, JointVector::Zero(arm.size())).tool;
-        worst = std::max(worst, (tool.position - command.position).norm());
+        worst = std::max(
+            worst, (arm.calcDynamics(state.q, JointVector::Zero(arm.size())).tool.position - command.position).norm());
     }
     EXPECT_GT((state.q - arm.start.q).cwiseAbs().maxCoeff(), 0.2);
     EXPECT_LT(worst, 0.005);

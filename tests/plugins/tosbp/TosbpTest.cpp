@@ -67,8 +67,8 @@ TEST(Tosbp, SingleJointUnderRandomLimitsOnBothSidesOfTheCruiseLine) {
     long ticks = 0, infeasible = 0;
     for (int k = 0; k < 400; ++k) {
         drawLimits(bench.arm.limits, k % 2 == 0, (k / 2) % 2 == 0, random);
-        const double size = 3.0 * calcLargest(arm.limits.acceleration);
-        const LawOutcome outcome = bench.push("k_alpha: 5, gamma: 20", 20.0, size, (k / 4) % 2 == 0, k);
+        const LawOutcome outcome =
+            bench.push("k_alpha: 5, gamma: 20", 20.0, 3.0 * calcLargest(arm.limits.acceleration), (k / 4) % 2 == 0, k);
         SCOPED_TRACE("limits " + std::to_string(k));
         expectHeld(outcome, arm.limits, arm.tick_s);
         ASSERT_FALSE(HasFailure());
@@ -158,10 +158,8 @@ S4 runS4(double tick_s) {
 // the fourth second at 1 ms, earlier at coarser and later at finer ticks.
 TEST(Tosbp, Fault33S4RestingOnTheLimitRunsOutOfAdmissibleJerksAndBrakes) {
     const S4 coarse = runS4(1e-2), usual = runS4(1e-3), fine = runS4(1e-4);
-    std::printf(
-        "  first tick without an admissible jerk at %.2f s (10 ms), %.2f s (1 ms), %.2f s (0.1 "
-        "ms)\n",
-        coarse.firstBrokenRow_s, usual.firstBrokenRow_s, fine.firstBrokenRow_s);
+    std::printf("  first tick without an admissible jerk at %.2f s (10 ms), %.2f s (1 ms), %.2f s (0.1 ms)\n",
+                coarse.firstBrokenRow_s, usual.firstBrokenRow_s, fine.firstBrokenRow_s);
     std::printf("  position passed by %.2g, %.2g, %.2g rad\n", coarse.outcome.excess.position,
                 usual.outcome.excess.position, fine.outcome.excess.position);
     for (const S4* s4 : {&coarse, &usual, &fine}) {
@@ -189,10 +187,7 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
         const auto filter = bench.make("gamma: 20");
         std::mt19937 random(5);
         for (int k = 0; k < 200; ++k) {
-            MotionState state = arm.start;
-            state.q += makeRandomVector(arm.size(), 0.05, random);
-            state.qd = makeRandomVector(arm.size(), 0.1, random);
-            state.qdd = makeRandomVector(arm.size(), 0.3, random);
+            const MotionState state = makeRandomState(arm, 0.05, 0.1, 0.3, random);
             const Dynamics dynamics = bench.arm.calcDynamics(state);
             JointVector first, second, desired[2];
             const JointVector aim = state.qdd + makeRandomVector(arm.size(), 0.3, random);
@@ -208,9 +203,7 @@ TEST(Tosbp, AdmissibleDesiredJerkPassesBitForBit) {
             ASSERT_EQ(filter->filter({state, second, dynamics}, decision), FilterStatus::Passed);
             ASSERT_EQ(decision.value,
                       JointVector((desired[1] - desired[0]) / arm.tick_s - 20.0 * (state.qdd - desired[1])));
-            for (int i = 0; i < arm.size(); ++i) {
-                EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
-            }
+            for (int i = 0; i < arm.size(); ++i) EXPECT_EQ(decision.joints[i].limit, LimitKind::None);
         }
     }
 }
@@ -237,10 +230,10 @@ TEST(Tosbp, SaysWhichLimitActs) {
 
 TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
     Bench bench("indy7", 0.01);
-    test::expectContains(bench.findConfigureComplaint("k_alpha: 101"),
-                         {"experiment.yaml:1:", "plugin_block.k_alpha", "k_alpha * tick_s is 1.01", "allowed (0, 1]"});
-    test::expectContains(bench.findConfigureComplaint("gamma: 200"),
-                         {"plugin_block.gamma", "gamma * tick_s is 2.0", "allowed (0, 2)", "below 2 / tick_s"});
+    expectContains(bench.findConfigureComplaint("k_alpha: 101"),
+                   {"experiment.yaml:1:", "plugin_block.k_alpha", "k_alpha * tick_s is 1.01", "allowed (0, 1]"});
+    expectContains(bench.findConfigureComplaint("gamma: 200"),
+                   {"plugin_block.gamma", "gamma * tick_s is 2.0", "allowed (0, 2)", "below 2 / tick_s"});
     EXPECT_EQ(bench.findConfigureComplaint("k_alpha: 100, gamma: 199"), "");
     EXPECT_CONTAINS(bench.findConfigureComplaint("k_alpha: 0"), "k_alpha");
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: -20"), "gamma");
@@ -249,7 +242,7 @@ TEST(Tosbp, Fault08GainsThatTheTickCannotCarryAreRefused) {
 TEST(Tosbp, UnlimitedJerkIsRefused) {
     Bench bench("single_joint");
     bench.arm.limits.jerk.lower[0] = -kInfinity;
-    test::expectContains(bench.findConfigureComplaint(""), {"finite jerk limit", "limits.jerk_radps3"});
+    expectContains(bench.findConfigureComplaint(""), {"finite jerk limit", "limits.jerk_radps3"});
 }
 
 TEST(Tosbp, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {

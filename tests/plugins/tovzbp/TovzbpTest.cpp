@@ -70,10 +70,8 @@ TEST(Tovzbp, SwingsAtTheLimitForEver) {
             lowest = std::min(lowest, s.q[0]);
             highest = std::max(highest, s.q[0]);
         });
-    std::printf(
-        "  swings between %.4f and %.4f rad, limit %.4f; %d of %d ticks infeasible, first at %.3f "
-        "s\n",
-        lowest, highest, kPi, outcome.infeasible, outcome.ticks, outcome.firstInfeasible_s);
+    std::printf("  swings between %.4f and %.4f rad, limit %.4f; %d of %d ticks infeasible, first at %.3f s\n", lowest,
+                highest, kPi, outcome.infeasible, outcome.ticks, outcome.firstInfeasible_s);
     EXPECT_GT(highest - lowest, 1.0);
     EXPECT_LE(outcome.excess.jerk, 1e-9);
     EXPECT_LE(outcome.excess.acceleration, 1e-9);

@@ -112,12 +112,12 @@ TEST(VelocityDamper, JerkAndAccelerationHoldAndNothingElse) {
 
 TEST(VelocityDamper, Fault08ZonesGainsAndLimitsThatDoNotFitAreRefused) {
     Bench bench("single_joint", "velocity_damper", 0.01);
-    std::string complaint = bench.findConfigureComplaint("influence_rad: 0.1, safety_rad: 0.1");
-    test::expectContains(complaint, {"plugin_block.influence_rad", "is not larger than safety_rad"});
-    complaint = bench.findConfigureComplaint("xi: 20, influence_rad: 0.2, safety_rad: 0.05");
-    test::expectContains(complaint, {"plugin_block.xi", "xi * tick_s is 0.2"});
-    complaint = bench.findConfigureComplaint("influence_rad: 4, safety_rad: 3.2");
-    test::expectContains(complaint, {"plugin_block.safety_rad", "the safety distances of joint0"});
+    expectContains(bench.findConfigureComplaint("influence_rad: 0.1, safety_rad: 0.1"),
+                   {"plugin_block.influence_rad", "is not larger than safety_rad"});
+    expectContains(bench.findConfigureComplaint("xi: 20, influence_rad: 0.2, safety_rad: 0.05"),
+                   {"plugin_block.xi", "xi * tick_s is 0.2"});
+    expectContains(bench.findConfigureComplaint("influence_rad: 4, safety_rad: 3.2"),
+                   {"plugin_block.safety_rad", "the safety distances of joint0"});
     EXPECT_CONTAINS(bench.findConfigureComplaint("gamma: 200"), "gamma * tick_s is 2.0");
     EXPECT_CONTAINS(bench.findConfigureComplaint("xi: 0"), "xi");
     bench.arm.limits.jerk.upper[0] = kInfinity;

@@ -188,7 +188,7 @@ TEST(Identification, FindsAPayloadWhereverItIs) {
         EXPECT_TRUE(found.payload.centre[static_cast<std::size_t>(k)].isKnown);
         EXPECT_NEAR(found.payload.centre[static_cast<std::size_t>(k)].value, place[k], 0.01) << k;
     }
-    EXPECT_NE(writeText(found).find("payload_kg: 0."), std::string::npos) << writeText(found);
+    EXPECT_CONTAINS(writeText(found), "payload_kg: 0.");
 
     experiment.really = experiment.robot;
     const Identification nothing = experiment.identify();
@@ -243,7 +243,7 @@ TEST(Identification, KeepsTheFiguresOfAJointThatDoesNotMove) {
     options.isTorqueHeld = false;
     Identification few = identify(experiment.robot, {record}, options);
     EXPECT_EQ(few.joints[1].form, FrictionForm::None);
-    EXPECT_NE(few.joints[1].reason.find("it moved too little: "), std::string::npos) << few.joints[1].reason;
+    EXPECT_CONTAINS(few.joints[1].reason, "it moved too little: ");
     record = experiment.record();
     record.joints[1].torques.clear();
     few = identify(experiment.robot, {record}, options);
@@ -262,7 +262,7 @@ TEST(Identification, DoesNotInventTheBendOfSlowMotions) {
     for (const JointIdentification& joint : found.joints) {
         EXPECT_EQ(joint.form, FrictionForm::KnownVelocity) << joint.fastest;
         EXPECT_FALSE(joint.viscousVelocity.isKnown);
-        EXPECT_NE(joint.reason.find("do not show that the friction saturates"), std::string::npos) << joint.reason;
+        EXPECT_CONTAINS(joint.reason, "do not show that the friction saturates");
         EXPECT_EQ(joint.written[2], joint.old[2]);
     }
 
@@ -291,7 +291,7 @@ TEST(Identification, ChecksNameWhatTheLawLacks) {
         EXPECT_TRUE(findCheck(joint, "load friction").isFound) << writeText(loaded);
         EXPECT_NE(joint.verdict, ModelVerdict::Adequate);
     }
-    EXPECT_NE(writeText(loaded).find("the residuals also show"), std::string::npos);
+    EXPECT_CONTAINS(writeText(loaded), "the residuals also show");
 
     experiment.extra = [](int i, double v, double) {
         return (i == 0 ? 1.0 : 0.4) * std::copysign(std::exp(-v * v / 0.01), v);
@@ -355,19 +355,18 @@ TEST(Identification, RefusesWhatItCannotUse) {
                   for (auto& joint : r.joints) joint.torques.clear();
               }),
               "made-up seed 1: the record has no torques. Friction and masses are found from the "
-              "torques of the motors at the "
-              "joints.");
+              "torques of the motors at the joints.");
     const std::string name = good.joints[0].name;
-    const std::string unknown = refuseRecord([&](MotionRecord& r) { r.joints[0].name = name + "x"; });
     test::expectContains(
-        unknown, {"made-up seed 1: the robot `planar_two_link` has no joint `" + name + "x`. Did you mean `" + name});
-    const std::string missing = refuseRecord([](MotionRecord& r) { r.joints.pop_back(); });
-    EXPECT_NE(missing.find("the record has no joint `" + good.joints[1].name + "`"), std::string::npos) << missing;
+        refuseRecord([&](MotionRecord& r) { r.joints[0].name = name + "x"; }),
+        {"made-up seed 1: the robot `planar_two_link` has no joint `" + name + "x`. Did you mean `" + name});
+    EXPECT_CONTAINS(refuseRecord([](MotionRecord& r) { r.joints.pop_back(); }),
+                    "the record has no joint `" + good.joints[1].name + "`");
     const std::string brief = refuseRecord([](MotionRecord& r) {
         r.times_s.resize(300);
         for (auto& joint : r.joints) joint.positions.resize(300), joint.torques.resize(300);
     });
-    EXPECT_NE(brief.find("which is too short to tell how sure the figures are"), std::string::npos) << brief;
+    EXPECT_CONTAINS(brief, "which is too short to tell how sure the figures are");
 }
 
 TEST(Identification, ReadingsThatAreMissingDoNoHarm) {
@@ -454,9 +453,7 @@ TEST_F(ActuationFileTest, TakesAnyLayout) {
         "friction:   # first\n  " + flow + "\nschema: 1\n" + rest,
         "  schema: 1\n  friction: " + flow +
             "\n  gear_ratio: [50, 80]\n  rotor_inertia_kgm2: 1e-5\n  torque_limit_Nm: .inf\n",
-        "{schema: 1, gear_ratio: [50, 80], rotor_inertia_kgm2: 1e-5, torque_limit_Nm: .inf, "
-        "friction: " +
-            flow + "}\n",
+        "{schema: 1, gear_ratio: [50, 80], rotor_inertia_kgm2: 1e-5, torque_limit_Nm: .inf, friction: " + flow + "}\n",
         "schema: 1\n\"friction\": " + flow + "\n" + rest,
         "\xEF\xBB\xBF"
         "friction: " +
@@ -484,7 +481,7 @@ TEST_F(ActuationFileTest, NamesOfLogsAreOnlyText) {
     for (int i = 0; i < 20; ++i) found.sources.push_back("run" + std::to_string(i));
     text_ = writeActuation(experiment.robot, found);
     EXPECT_EQ(text_.find('\x1b'), std::string::npos);
-    EXPECT_NE(text_.find(" and 14 more"), std::string::npos) << text_;
+    EXPECT_CONTAINS(text_, " and 14 more");
     folder_.put("actuation.yaml", text_);
     EXPECT_NO_THROW(loadRobot(folder_.path())) << text_;
     EXPECT_TRUE(nlohmann::json::accept(writeJson(found)));

@@ -144,13 +144,13 @@ TEST(Smoothing, JerkIsNearerToTheTruthThanOfUsualDifferentiators) {
     };
     // Tuned by hand: one setting for all records, the best there is by a truth that nobody knows.
     const auto best = [](const std::vector<std::vector<double>>& settings, const auto& measure) {
-        double least = std::numeric_limits<double>::infinity();
+        double least = kInfinity;
         for (const auto& one : settings) least = std::min(least, measure(one));
         return least;
     };
     // Tuned for each record by somebody who knows its truth: a bound for what tuning can give.
     const auto bestOfEach = [&](const std::vector<std::vector<double>>& settings) {
-        std::vector<double> least(own.size(), std::numeric_limits<double>::infinity());
+        std::vector<double> least(own.size(), kInfinity);
         for (const auto& one : settings)
             for (std::size_t i = 0; i < own.size(); ++i) least[i] = std::min(least[i], one[i]);
         return least;

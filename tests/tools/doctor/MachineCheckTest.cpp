@@ -83,13 +83,20 @@ TEST(MachineCheck, AMachineWithEverythingIsGood) {
     EXPECT_EQ(explainNotRealTime(machine.answers), "");
 }
 
+using Make = std::function<void(MadeUp&)>;
+
 struct Change {
     const char* name;  // of the line
     MachineLevel level;
     const char* found;
     const char* remedy;
-    std::function<void(MadeUp&)> make;
+    Make make;
 };
+
+template <class T>
+Make answer(T SystemAnswers::*which, std::common_type_t<T> value) {
+    return [which, value](MadeUp& machine) { machine.answers.*which = value; };
+}
 
 std::vector<Change> listChanges() {
     constexpr auto kWorse = MachineLevel::Worse, kMissing = MachineLevel::Missing, kUnknown = MachineLevel::Unknown,
@@ -98,6 +105,11 @@ std::vector<Change> listChanges() {
         return [path, text](MadeUp& machine) { machine.write(path, text); };
     };
     const auto gone = [](std::string path) { return [path](MadeUp& machine) { machine.remove(path); }; };
+    const auto all = [](std::vector<Make> parts) {
+        return [parts](MadeUp& machine) {
+            for (const Make& part : parts) part(machine);
+        };
+    };
     const auto kernel = [](std::string version) {
         return [version](MadeUp& machine) {
             machine.remove("sys/kernel/realtime");
@@ -110,61 +122,39 @@ std::vector<Change> listChanges() {
             machine.answers.memoryHard = hard;
         };
     };
+    const Make noPriority = all({answer(&SystemAnswers::prioritySoft, 0), answer(&SystemAnswers::priorityHard, 0),
+                                 answer(&SystemAnswers::priorityError, EPERM)});
     return {
         // Either sign of the kernel is enough.
         {"kernel", kGood, "6.1.0-rt, PREEMPT_RT", "", gone("sys/kernel/realtime")},
-        {"kernel", kGood, "PREEMPT_RT by /sys/kernel/realtime", "",
-         [](MadeUp& machine) { machine.answers.kernelVersion = "#1 SMP"; }},
+        {"kernel", kGood, "PREEMPT_RT by /sys/kernel/realtime", "", answer(&SystemAnswers::kernelVersion, "#1 SMP")},
         {"kernel", kGood, "PREEMPT_RT", "", kernel("#1 SMP PREEMPT RT Tue Jan 1")},
         {"kernel", kWorse, "PREEMPT_DYNAMIC, not PREEMPT_RT",
          "sudo apt install linux-image-rt-$(dpkg --print-architecture)  # then restart",
          kernel("#1 SMP PREEMPT_DYNAMIC")},
         {"kernel", kWorse, "PREEMPT_DYNAMIC: none voluntary (full) lazy, not", "linux-image-rt",
-         [&](MadeUp& machine) {
-             machine.answers.kernelVersion = "#1 SMP PREEMPT_DYNAMIC";
-             machine.write("sys/kernel/realtime", "0\n");
-             machine.write("sys/kernel/debug/sched/preempt", "none voluntary (full) lazy\n");
-         }},
+         all({answer(&SystemAnswers::kernelVersion, "#1 SMP PREEMPT_DYNAMIC"), file("sys/kernel/realtime", "0\n"),
+              file("sys/kernel/debug/sched/preempt", "none voluntary (full) lazy\n")})},
         {"kernel", kWorse, "no preemption in the kernel", "linux-image-rt", kernel("#1 SMP Debian")},
         {"kernel", kWorse, "not PREEMPT_RT", "sudo pro enable realtime-kernel",
-         [](MadeUp& machine) {
-             machine.write("sys/kernel/realtime", "0\n");
-             machine.answers.kernelVersion = "#1 SMP PREEMPT";
-             machine.write("etc/os-release", "NAME=Ubuntu\nID=ubuntu\n");
-         }},
+         all({file("sys/kernel/realtime", "0\n"), answer(&SystemAnswers::kernelVersion, "#1 SMP PREEMPT"),
+              file("etc/os-release", "NAME=Ubuntu\nID=ubuntu\n")})},
 
         {"priority limit", kMissing, "soft 0, hard 0 (user)",
-         "echo \"$(id -un) - rtprio 98\" | sudo tee /etc/security/limits.d/",
-         [](MadeUp& machine) {
-             machine.answers.prioritySoft = machine.answers.priorityHard = 0;
-             machine.answers.priorityError = EPERM;
-         }},
+         "echo \"$(id -un) - rtprio 98\" | sudo tee /etc/security/limits.d/", noPriority},
         {"priority limit", kMissing, "soft 10, hard 90 (user)", "ulimit -r $(ulimit -Hr)",
-         [](MadeUp& machine) {
-             machine.answers.prioritySoft = 10;
-             machine.answers.priorityHard = 90;
-             machine.answers.priorityError = EPERM;
-         }},
+         all({answer(&SystemAnswers::prioritySoft, 10), answer(&SystemAnswers::priorityHard, 90),
+              answer(&SystemAnswers::priorityError, EPERM)})},
         {"priority limit", kGood, "soft 0, hard 0 (user), does not bind this process", "",
-         [](MadeUp& machine) { machine.answers.prioritySoft = machine.answers.priorityHard = 0; }},
+         all({answer(&SystemAnswers::prioritySoft, 0), answer(&SystemAnswers::priorityHard, 0)})},
         {"SCHED_FIFO", kMissing, "priority 80 is refused: Operation not permitted",
-         "sudo tee /etc/security/limits.d/90-viable-rtprio.conf",
-         [](MadeUp& machine) {
-             machine.answers.prioritySoft = machine.answers.priorityHard = 0;
-             machine.answers.priorityError = EPERM;
-         }},
+         "sudo tee /etc/security/limits.d/90-viable-rtprio.conf", noPriority},
         {"SCHED_FIFO", kMissing, "refused", "# start the container with: docker run --cap-add sys_nice",
-         [](MadeUp& machine) {
-             machine.write(".dockerenv", "");
-             machine.answers.prioritySoft = machine.answers.priorityHard = 0;
-             machine.answers.priorityError = EPERM;
-         }},
+         all({file(".dockerenv", ""), noPriority})},
         {"SCHED_FIFO", kMissing, "refused", "echo 950000 | sudo tee /sys/fs/cgroup/cpu,cpuacct/a/cpu.rt_runtime_us",
-         [](MadeUp& machine) {
-             machine.write("proc/self/cgroup", "4:cpu,cpuacct:/a\n0::/\n");
-             machine.write("sys/fs/cgroup/cpu,cpuacct/a/cpu.rt_runtime_us", "0\n");
-             machine.answers.priorityError = EPERM;
-         }},
+         all({file("proc/self/cgroup", "4:cpu,cpuacct:/a\n0::/\n"),
+              file("sys/fs/cgroup/cpu,cpuacct/a/cpu.rt_runtime_us", "0\n"),
+              answer(&SystemAnswers::priorityError, EPERM)})},
 
         {"memory lock", kMissing, "soft 8 MB, hard 8 MB (user); this process alone has 300 MB",
          "echo \"$(id -un) - memlock unlimited\" | sudo tee /etc/security/limits.d/", memory(8 * kMega, 8 * kMega)},
@@ -173,22 +163,16 @@ std::vector<Change> listChanges() {
         {"memory lock", kWorse, "what the loop has when it begins", "memlock unlimited",
          memory(2000 * kMega, 2000 * kMega)},
         {"memory lock", kGood, "does not bind this process", "",
-         [](MadeUp& machine) { machine.answers.memorySoft = machine.answers.memoryHard = 8 * kMega; }},
+         all({answer(&SystemAnswers::memorySoft, 8 * kMega), answer(&SystemAnswers::memoryHard, 8 * kMega)})},
 
         {"/dev/cpu_dma_latency", kWorse, "Permission denied", "sudo groupadd -rf realtime && sudo usermod",
-         [](MadeUp& machine) { machine.answers.latencyFileError = EACCES; }},
+         answer(&SystemAnswers::latencyFileError, EACCES)},
         {"/dev/cpu_dma_latency", kWorse, "No such file", "processor.max_cstate=1",
-         [](MadeUp& machine) { machine.answers.latencyFileError = ENOENT; }},
+         answer(&SystemAnswers::latencyFileError, ENOENT)},
         {"/dev/cpu_dma_latency", kWorse, "No such file", "docker run --device /dev/cpu_dma_latency",
-         [](MadeUp& machine) {
-             machine.write("run/.containerenv", "");
-             machine.answers.latencyFileError = ENOENT;
-         }},
+         all({file("run/.containerenv", ""), answer(&SystemAnswers::latencyFileError, ENOENT)})},
         {"/dev/cpu_dma_latency", kWorse, "Permission denied", "sudo chmod 666 /dev/cpu_dma_latency",
-         [](MadeUp& machine) {
-             machine.write("run/.containerenv", "");
-             machine.answers.latencyFileError = EACCES;
-         }},
+         all({file("run/.containerenv", ""), answer(&SystemAnswers::latencyFileError, EACCES)})},
 
         {"real-time throttling", kGood, "off", "", file("proc/sys/kernel/sched_rt_runtime_us", "-1\n")},
         {"real-time throttling", kWorse, "20 % of a processor", "sudo sysctl -w kernel.sched_rt_runtime_us=950000",
@@ -197,13 +181,9 @@ std::vector<Change> listChanges() {
          file("proc/sys/kernel/sched_rt_runtime_us", "0\n")},
         {"real-time throttling", kUnknown, "not shown", "", gone("proc/sys/kernel/sched_rt_runtime_us")},
 
-        {"processors", kWorse, "1 may be used (online: 0-3)", "taskset -c 0,1",
-         [](MadeUp& machine) { machine.answers.processors = 1; }},
+        {"processors", kWorse, "1 may be used (online: 0-3)", "taskset -c 0,1", answer(&SystemAnswers::processors, 1)},
         {"processors", kWorse, "1 may be used", "docker run --cpuset-cpus 0,1",
-         [](MadeUp& machine) {
-             machine.write(".dockerenv", "");
-             machine.answers.processors = 1;
-         }},
+         all({file(".dockerenv", ""), answer(&SystemAnswers::processors, 1)})},
 
         {"CPU governor", kWorse, "performance on 3, powersave on 1",
          "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",
@@ -217,15 +197,9 @@ std::vector<Change> listChanges() {
         {"isolated CPUs", kWorse, "none", "isolcpus=3 nohz_full=3 rcu_nocbs=3 /' /etc/default/grub && sudo update-grub",
          file(std::string(kCpu) + "isolated", "\n")},
         {"isolated CPUs", kWorse, "none", "# add to the kernel's command line, and restart: isolcpus=3",
-         [](MadeUp& machine) {
-             machine.write(std::string(kCpu) + "isolated", "\n");
-             machine.remove("etc/default/grub");
-         }},
+         all({file(std::string(kCpu) + "isolated", "\n"), gone("etc/default/grub")})},
         {"isolated CPUs", kWorse, "none", "# one processor cannot be set apart",
-         [](MadeUp& machine) {
-             machine.write(std::string(kCpu) + "isolated", "\n");
-             machine.answers.processors = 1;
-         }},
+         all({file(std::string(kCpu) + "isolated", "\n"), answer(&SystemAnswers::processors, 1)})},
         {"isolated CPUs", kUnknown, "not shown", "", gone(std::string(kCpu) + "isolated")},
 
         {"SMT", kWorse, "on", "echo off | sudo tee /sys/devices/system/cpu/smt/control",
@@ -233,10 +207,8 @@ std::vector<Change> listChanges() {
         {"SMT", kUnknown, "not shown", "", gone(std::string(kCpu) + "smt")},
 
         {"heat", kWorse, "throttled 12 times", "# cool the machine",
-         [](MadeUp& machine) {
-             machine.write(std::string(kCpu) + "cpu0/thermal_throttle/core_throttle_count", "5\n");
-             machine.write(std::string(kCpu) + "cpu1/thermal_throttle/core_throttle_count", "7\n");
-         }},
+         all({file(std::string(kCpu) + "cpu0/thermal_throttle/core_throttle_count", "5\n"),
+              file(std::string(kCpu) + "cpu1/thermal_throttle/core_throttle_count", "7\n")})},
         {"heat", kUnknown, "not shown", "",
          [](MadeUp& machine) {
              for (const char* cpu : {"cpu0", "cpu1", "cpu2", "cpu3"})
@@ -258,12 +230,10 @@ std::vector<Change> listChanges() {
              machine.write("sys/fs/cgroup/cpu.max", "200000 100000\n");
          }},
         {"CPU quota", kWorse, "0.25 processors' time", "echo -1 | sudo tee /sys/fs/cgroup/cpu/a/cpu.cfs_quota_us",
-         [](MadeUp& machine) {
-             machine.write("proc/self/cgroup", "2:cpu:/a/b\n1:name=systemd:/c\n");
-             machine.write("sys/fs/cgroup/cpu/a/cpu.cfs_quota_us", "25000\n");
-             machine.write("sys/fs/cgroup/cpu/a/cpu.cfs_period_us", "100000\n");
-             machine.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
-         }},
+         all({file("proc/self/cgroup", "2:cpu:/a/b\n1:name=systemd:/c\n"),
+              file("sys/fs/cgroup/cpu/a/cpu.cfs_quota_us", "25000\n"),
+              file("sys/fs/cgroup/cpu/a/cpu.cfs_period_us", "100000\n"),
+              file("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n")})},
         {"CPU quota", kGood, "in a container, none", "", file("proc/self/cgroup", "0::/docker/abc\n")},
         {"CPU quota", kUnknown, "not shown", "", gone("proc/self/cgroup")},
 
@@ -273,10 +243,8 @@ std::vector<Change> listChanges() {
         {"clock source", kWorse, "hpet", "echo tsc | sudo tee /sys/devices/system/clocksource/",
          file("sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n")},
         {"clock source", kWorse, "acpi_pm", "sudo dmesg | grep -i -e tsc",
-         [](MadeUp& machine) {
-             machine.write("sys/devices/system/clocksource/clocksource0/current_clocksource", "acpi_pm\n");
-             machine.write("sys/devices/system/clocksource/clocksource0/available_clocksource", "hpet acpi_pm\n");
-         }},
+         all({file("sys/devices/system/clocksource/clocksource0/current_clocksource", "acpi_pm\n"),
+              file("sys/devices/system/clocksource/clocksource0/available_clocksource", "hpet acpi_pm\n")})},
         {"clock source", kGood, "arch_sys_counter", "",
          file("sys/devices/system/clocksource/clocksource0/current_clocksource", "arch_sys_counter\n")},
         {"clock source", kUnknown, "not shown", "", gone("sys/devices/system/clocksource")},
@@ -287,25 +255,21 @@ std::vector<Change> listChanges() {
         {"huge pages", kUnknown, "not shown", "", gone("sys/kernel/mm")},
 
         {"/dev/shm", kMissing, "this user cannot make a file there: Permission denied", "sudo chmod 1777 /dev/shm",
-         [](MadeUp& machine) { machine.answers.sharedMemoryError = EACCES; }},
+         answer(&SystemAnswers::sharedMemoryError, EACCES)},
         {"/dev/shm", kMissing, "Read-only", "sudo mount -o remount,rw /dev/shm",
-         [](MadeUp& machine) { machine.answers.sharedMemoryError = EROFS; }},
+         answer(&SystemAnswers::sharedMemoryError, EROFS)},
         {"/dev/shm", kMissing, "No such file", "sudo mkdir -p /dev/shm && sudo mount -t tmpfs",
-         [](MadeUp& machine) { machine.answers.sharedMemoryError = ENOENT; }},
-        {"/dev/shm", kMissing, "No space left", "ls -lS /dev/shm",
-         [](MadeUp& machine) { machine.answers.sharedMemoryError = ENOSPC; }},
+         answer(&SystemAnswers::sharedMemoryError, ENOENT)},
+        {"/dev/shm", kMissing, "No space left", "ls -lS /dev/shm", answer(&SystemAnswers::sharedMemoryError, ENOSPC)},
         {"/dev/shm", kMissing, "No space left", "docker run --shm-size 64m",
-         [](MadeUp& machine) {
-             machine.write(".dockerenv", "");
-             machine.answers.sharedMemoryError = ENOSPC;
-         }},
+         all({file(".dockerenv", ""), answer(&SystemAnswers::sharedMemoryError, ENOSPC)})},
         {"/dev/shm", kWorse, "64 kB", "sudo mount -o remount,size=64m /dev/shm",
-         [](MadeUp& machine) { machine.answers.sharedMemorySize = 64 * 1024; }},
+         answer(&SystemAnswers::sharedMemorySize, 64 * 1024)},
 
         {"UDP on this machine", kMissing, "does not come: Network is unreachable", "sudo ip link set lo up",
-         [](MadeUp& machine) { machine.answers.udpError = ENETUNREACH; }},
+         answer(&SystemAnswers::udpError, ENETUNREACH)},
         {"UDP on this machine", kWorse, "room for 4 kB", "sudo sysctl -w net.core.rmem_default=212992",
-         [](MadeUp& machine) { machine.answers.udpBuffer = 4096; }},
+         answer(&SystemAnswers::udpBuffer, 4096)},
     };
 }
 

@@ -346,10 +346,10 @@ std::string makeTwoArms(int left, int right) {
 
 TEST(AssumedUrdf, TooManyJointsAreToldByTheirChainsAndACommandForEachArm) {
     const PoorFile file;
-    const std::string alike = file.findFault(makeTwoArms(9, 9), true);
-    expectContains(alike, {"18 moving joints", "--at JOINT=VALUE", "There are two alike: `viable new robot ONE --urdf ",
-                           "poor.urdf --tip left_tool` and `viable new robot OTHER", "--tip right_9`",
-                           "`right_9` (9: right_j1, right_j2, "});
+    expectContains(file.findFault(makeTwoArms(9, 9), true),
+                   {"18 moving joints", "--at JOINT=VALUE", "There are two alike: `viable new robot ONE --urdf ",
+                    "poor.urdf --tip left_tool` and `viable new robot OTHER", "--tip right_9`",
+                    "`right_9` (9: right_j1, right_j2, "});
     const std::string one = file.findFault(makeTwoArms(7, 10), false);
     expectContains(one, {"such as `viable new robot NAME --urdf ", "--tip right_10`", "--tip auto"});
     EXPECT_EQ(one.find("two alike"), std::string::npos);
@@ -456,9 +456,11 @@ TEST(AssumedUrdf, Fault01_HostileFilesAreRefusedAtOnce) {
         }
     // A mesh that is none, too large, or elsewhere, is lost; the link's mass is assumed all the same.
     for (const std::string name : {"huge.stl", "../../../../../../etc/passwd", "file:///dev/zero", "poor.urdf"}) {
-        const RobotDraft draft = file.assume(writeLink("base") + writeJoint("j", "base", "l") +
-                                             writeLink("l", writeShape("<mesh filename='" + name + "'/>")));
-        EXPECT_EQ(draft.links.at(1).lostMeshes, std::vector<std::string>{name});
+        EXPECT_EQ(file.assume(writeLink("base") + writeJoint("j", "base", "l") +
+                              writeLink("l", writeShape("<mesh filename='" + name + "'/>")))
+                      .links.at(1)
+                      .lostMeshes,
+                  std::vector<std::string>{name});
     }
 }
 

@@ -103,9 +103,9 @@ TEST_F(PoorUrdf, Fault78_LinksWithoutMassAreLumpedOrTheirJointsFrozen) {
                     .repairs.empty());
     expectRepaired(writeJoint("j3", "l2", "bare") + writeLink("bare", ""), {"j1", "j2"},
                    {"poor.urdf:7:1: joint `j3` is frozen at 0: nothing that it moves has a mass"});
-    const std::string fault = findFault(writeJoint("j3", "l2", "bare") + writeLink("bare", "") +
-                                        writeJoint("j4", "bare", "hand") + writeLink("hand"));
-    expectContains(fault, {"poor.urdf:8:1: link `bare`, moved by joint `j3`, has no mass", "make the joint fixed"});
+    expectContains(findFault(writeJoint("j3", "l2", "bare") + writeLink("bare", "") + writeJoint("j4", "bare", "hand") +
+                             writeLink("hand")),
+                   {"poor.urdf:8:1: link `bare`, moved by joint `j3`, has no mass", "make the joint fixed"});
 }
 
 TEST_F(PoorUrdf, Fault78_SmallSlipsOfAnInertiaAreMendedAndLargeOnesRefused) {
@@ -160,8 +160,7 @@ TEST_F(PoorUrdf, Fault78_TooManyJointsAreToldWithTheChainsThereAre) {
                    {"outside of the chosen chain, and frozen: j2 at 0, left0 at 0"});
     const RobotDraft draft = read(more);
     EXPECT_EQ(draft.tool, "right_link7");
-    const detail::UrdfRobot arm = reread(draft);
-    EXPECT_DOUBLE_EQ(arm.joints[0].body.mass, 2.0 + 2.0 + 8 * 2.0) << "l1 carries the other arm";
+    EXPECT_DOUBLE_EQ(reread(draft).joints[0].body.mass, 2.0 + 2.0 + 8 * 2.0) << "l1 carries the other arm";
     options_.choice.base = "l1";
     EXPECT_EQ(read(more).joints.size(), 8u);
 }
@@ -243,8 +242,8 @@ TEST_F(PoorUrdf, Fault78_NumbersThatAreNoneAreTold) {
 
 TEST_F(PoorUrdf, Fault78_AMisspeltJointTypeIsToldWithTheClosest) {
     arm_ = "<robot name='poor'>\n" + writeLink("base", "");
-    const std::string fault = findFault(writeJoint("a", "base", "la", "", "revolut") + writeLink("la", kBody));
-    expectContains(fault, {"joint `a` is of an unknown type, `revolut`. Did you mean `revolute`? "});
+    expectContains(findFault(writeJoint("a", "base", "la", "", "revolut") + writeLink("la", kBody)),
+                   {"joint `a` is of an unknown type, `revolut`. Did you mean `revolute`? "});
 }
 
 TEST_F(PoorUrdf, Fault78_AChoiceThatCannotBeIsToldAtOnce) {
@@ -407,8 +406,7 @@ TEST_F(PoorUrdf, MotorsThatDoNotHoldTheArmAndPlaceholdersAreTold) {
                writeLink("l1");
         return read("");
     };
-    const RobotDraft weak = withEffort("1");
-    expectContains(detail::join(weak.warnings, "; "),
+    expectContains(detail::join(withEffort("1").warnings, "; "),
                    {"joint `j1`: its torque limit of 1 does not hold the arm with a fifth to spare: gravity asks"});
     const RobotDraft placeholder = withEffort("1000");
     EXPECT_LT(placeholder.joints[0].rotorInertia, 0.3) << "not 10";

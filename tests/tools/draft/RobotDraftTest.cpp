@@ -39,9 +39,8 @@ protected:
     }
     void expectWarning(const std::string& place, const std::vector<std::string>& parts) const {
         const std::string text = warning();
-        EXPECT_NE(text.find("arm.urdf:" + place), std::string::npos) << text;
-        for (const std::string& part : parts)
-            EXPECT_NE(text.find(part), std::string::npos) << "no: " << part << "\nin: " << text;
+        EXPECT_CONTAINS(text, "arm.urdf:" + place);
+        for (const std::string& part : parts) EXPECT_CONTAINS(text, part);
     }
     void expectLink(const std::vector<std::string>& parts) const { expectWarning("4:1: link `l`: ", parts); }
 
@@ -66,8 +65,7 @@ TEST_F(RobotDraftTest, ASoundArmIsReadWithoutAWarning) {
 TEST_F(RobotDraftTest, TheProjectsOwnRobotsAreSound) {
     for (const char* name : {"indy7", "panda", "ur5e", "planar_two_link"}) {
         const auto file = std::filesystem::path(VIABLE_SOURCE_DIR) / "robots" / name;
-        const RobotDraft draft = readRobotDraft(file / (std::string(name) + ".urdf"));
-        EXPECT_EQ(draft.warnings, std::vector<std::string>{}) << name;
+        EXPECT_EQ(readRobotDraft(file / (std::string(name) + ".urdf")).warnings, std::vector<std::string>{}) << name;
     }
 }
 
@@ -83,8 +81,8 @@ TEST_F(RobotDraftTest, ContinuousJointsHaveNoEndAndMayLackALimitOfVelocity) {
     limit_ = "effort='40' velocity='2'";
     const RobotDraft draft = read();
     EXPECT_TRUE(draft.warnings.empty());
-    EXPECT_EQ(draft.joints[0].positionLower, -std::numeric_limits<double>::infinity());
-    EXPECT_EQ(draft.joints[0].positionUpper, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(draft.joints[0].positionLower, -kInfinity);
+    EXPECT_EQ(draft.joints[0].positionUpper, kInfinity);
     limit_ = "effort='40' velocity='0'";
     expectWarning("3:1: joint `j`: ", {"it has no velocity limit", "velocity_radps is left"});
     EXPECT_TRUE(std::isnan(read().joints[0].velocity));
@@ -132,8 +130,7 @@ TEST_F(RobotDraftTest, MassesInGramsAndCentresInMillimetresAreTold) {
     com_ = "200 0 0";
     const RobotDraft draft = read();
     ASSERT_FALSE(draft.warnings.empty());
-    EXPECT_NE(draft.warnings[0].find("link `l`: its centre of mass is 200 m from the link's origin"), std::string::npos)
-        << draft.warnings[0];
+    EXPECT_CONTAINS(draft.warnings[0], "link `l`: its centre of mass is 200 m from the link's origin");
 }
 
 TEST_F(RobotDraftTest, PartsWithoutMassOrThicknessAreTold) {

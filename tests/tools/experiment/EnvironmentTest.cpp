@@ -72,8 +72,8 @@ TEST(EnvironmentKeys, ACaseMayHaveItsOwnAndAnEmptyOneIsOne) {
     const CasePlan empty = readTestExperiment(kOneJoint, {"environment={}"}).cases[0];
     ASSERT_TRUE(empty.environment && empty.geometry);
     EXPECT_TRUE(empty.environment->solids.empty() && !empty.environment->map);
-    expectContains(catchError([&] { readTestExperiment(kOneJoint, {"environment={obstacle: {}}"}); }),
-                   {"environment", "`obstacle`", "obstacles"});
+    expectError({"environment", "`obstacle`", "obstacles"},
+                [&] { readTestExperiment(kOneJoint, {"environment={obstacle: {}}"}); });
 }
 
 TEST(EnvironmentKeys, ARobotWithoutAShapeIsRefused) {
@@ -82,10 +82,9 @@ TEST(EnvironmentKeys, ARobotWithoutAShapeIsRefused) {
     std::filesystem::copy(VIABLE_SOURCE_DIR "/robots/single_joint", robot);
     std::filesystem::remove(robot / "collision.yaml");
     EXPECT_NO_THROW(readTestExperiment(kOneJoint, {"robot=" + robot.string()}));
-    expectContains(catchError([&] {
-                       readTestExperiment(kOneJoint, {"robot=" + robot.string(), "environment={}"});
-                   }),
-                   {"single_joint", "collision.yaml"});
+    expectError({"single_joint", "collision.yaml"}, [&] {
+        readTestExperiment(kOneJoint, {"robot=" + robot.string(), "environment={}"});
+    });
 }
 
 TEST(EnvironmentKeys, PluginsAreToldOfArmAndSurroundings) {
@@ -115,10 +114,9 @@ TEST(Payload, IsOneThatTheModelKnows) {
 
 TEST(Payload, ThePlantsOwnComesOnTop) {
     const auto calcError = [](const std::string& nominal, const std::string& plant) {
-        const Experiment e =
-            readTestExperiment(kOneJoint, {"payload_kg=" + nominal, "robust_loop={plugin: none}",
-                                           "real_plant={plugin: simbody, encoder: exact, payload_kg: " + plant + "}"});
-        return runCase(configureCase(e.cases[0]), {}).summary.trackingMax();
+        return runFirstCase(kOneJoint, {"payload_kg=" + nominal, "robust_loop={plugin: none}",
+                                        "real_plant={plugin: simbody, encoder: exact, payload_kg: " + plant + "}"})
+            .summary.trackingMax();
     };
     // The same torque on an arm that is as heavy as its model says, and on one that is not.
     EXPECT_LT(calcError("2", "0"), 1e-3);
@@ -210,19 +208,17 @@ TEST(Collisions, AnArmThatDrivesIntoAWallIsCounted) {
 }
 
 TEST(Collisions, WithoutAnEnvironmentNothingIsSaidOfThem) {
-    const Experiment e = readTestExperiment(kOneJoint, {"duration_s=0.1"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result = runFirstCase(kOneJoint, {"duration_s=0.1"});
     EXPECT_FALSE(result.summary.account(LimitKind::Clearance));
     for (const std::string& text : {formatComparison({result}), formatDetails(result)})
         for (const char* word : {"clearance", "collision"}) EXPECT_EQ(text.find(word), std::string::npos) << text;
-    EXPECT_TRUE(nlohmann::json::parse(writeSummaryJson(e.title, e.file, {result}))["cases"][0]["collisions"].is_null());
+    EXPECT_TRUE(nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0]["collisions"].is_null());
 }
 
 TEST(Collisions, NothingNearIsNoCollision) {
-    const Experiment e = readTestExperiment(
+    const CaseResult result = runFirstCase(
         kOneJoint, {"duration_s=0.1", "environment={obstacles: {ball: {sphere: 1, at: {xyz: [9, 0, 0]}}}}"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
-    EXPECT_EQ(result.summary.account(LimitKind::Clearance)->nominal.worst, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(result.summary.account(LimitKind::Clearance)->nominal.worst, kInfinity);
     expectContains(formatDetails(result), {"; no collision\n", "nominal: in collision in 0 ticks, nothing within 1 m"});
     expectContains(formatComparison({result}), {"> 1000"});
 }
@@ -233,10 +229,9 @@ std::vector<std::string> atRest(const std::string& obstacles) {
 }
 
 TEST(Collisions, AMovingSphereIsJudgedWhereItIsThen) {
-    const Experiment e =
-        readTestExperiment(kOneJoint, atRest("{ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.5, -1, 0]}, "
-                                             "{time_s: 2, xyz: [0.5, 1, 0]}]}}"));
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result =
+        runFirstCase(kOneJoint, atRest("{ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.5, -1, 0]}, "
+                                       "{time_s: 2, xyz: [0.5, 1, 0]}]}}"));
     const ArmLimitRecord& nominal = result.summary.account(LimitKind::Clearance)->nominal;
     // At 1 m/s it touches while its centre is within 0.12 m of the rod's axis, and is near within 0.14 m.
     EXPECT_NEAR(static_cast<double>(nominal.brokenTicks), 240.0, 1.0);
@@ -249,11 +244,10 @@ TEST(Collisions, AMovingSphereIsJudgedWhereItIsThen) {
 
 TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
     // 20 m/s, half-way between two rows 0.02 s apart: at the rows 0.2 m away.
-    const Experiment e = readTestExperiment(
+    const CaseResult result = runFirstCase(
         kOneJoint, with(atRest("{ball: {sphere: 0.1, path: [{time_s: 0.4, xyz: [0.5, -0.2, 0]}, {time_s: 0.42, "
                                "xyz: [0.5, 0.2, 0]}]}}"),
                         {"tick_s=0.02", "filter={plugin: pass_through}"}));
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
     const ArmLimitRecord& nominal = result.summary.account(LimitKind::Clearance)->nominal;
     EXPECT_EQ(nominal.brokenTicks, 1);
     EXPECT_NEAR(*nominal.firstBroken_s, 0.41, 1e-9);
@@ -262,11 +256,10 @@ TEST(Collisions, WhatPassesBetweenTwoRowsIsSeen) {
 
 TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
     // The nominal arm rests 0.1 m from the wall; the real one, which nothing holds, is pushed into it.
-    const Experiment e = readTestExperiment(
-        kOneJoint, {"command.points=[[0, 0]]", "duration_s=0.5", "robust_loop={plugin: none}",
-                    "environment={obstacles: {wall: {half_space: {normal: [0, -1, 0], offset: -0.12}}}}",
-                    "real_plant={plugin: simbody, push_Nm: 4, push_from_s: 0, push_until_s: 1}"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result =
+        runFirstCase(kOneJoint, {"command.points=[[0, 0]]", "duration_s=0.5", "robust_loop={plugin: none}",
+                                 "environment={obstacles: {wall: {half_space: {normal: [0, -1, 0], offset: -0.12}}}}",
+                                 "real_plant={plugin: simbody, push_Nm: 4, push_from_s: 0, push_until_s: 1}"});
     const LimitAccount& collisions = *result.summary.account(LimitKind::Clearance);
     EXPECT_EQ(collisions.nominal.brokenTicks, 0);
     EXPECT_NEAR(collisions.nominal.worst, 0.1, 1e-8);
@@ -280,8 +273,7 @@ TEST(Collisions, TheRealArmIsJudgedWhereItReallyIs) {
 
     const std::vector<SweepColumn> columns = makeSweepColumns({}, {"joint0"});
     const SweepRow row = makeSweepRow(columns, 0, "A", {}, {}, &result);
-    const Experiment bare = readTestExperiment(kOneJoint, {"duration_s=0.1"});
-    const CaseResult bareResult = runCase(configureCase(bare.cases[0]), {});
+    const CaseResult bareResult = runFirstCase(kOneJoint, {"duration_s=0.1"});
     const SweepRow empty = makeSweepRow(columns, 0, "A", {}, {}, &bareResult);
     const auto find = [&](const SweepRow& of, const std::string& name) {
         for (std::size_t i = 0; i < columns.size(); ++i)
@@ -312,8 +304,7 @@ TEST(Collisions, UnderAGuaranteeAndAClearanceTheyBreakTheGuarantee) {
                       {"[0.8, 0.50, 0]", "1000000", false}};
     for (const auto& run : runs) {
         SCOPED_TRACE(std::string(run.ball) + ", " + run.clearanceTicks);
-        const Experiment e = readTestExperiment(kOneJoint, swing(run.ball, run.clearanceTicks));
-        const CaseResult result = runCase(configureCase(e.cases[0]), {});
+        const CaseResult result = runFirstCase(kOneJoint, swing(run.ball, run.clearanceTicks));
         const bool collides = result.summary.account(LimitKind::Clearance)->nominal.brokenTicks > 0;
         EXPECT_EQ(collides, std::string(run.ball) == "[0.8, 0.13, 0]");
         EXPECT_TRUE(result.guarantees.hasJoints());
@@ -331,9 +322,9 @@ TEST(ClearanceLog, HoldsWhatTheFilterSaysAndNothingStale) {
     const TemporaryFolder folder;
     RunOptions options;
     options.log = folder / "run.mcap";
-    const Experiment e = readTestExperiment(
-        kOneJoint, with(swing("[0.8, 0.5, 0]", "300"), {"missed_ticks=[{at_s: 0.1, count: 50}]", "duration_s=0.5"}));
-    runCase(configureCase(e.cases[0]), options);
+    runFirstCase(kOneJoint,
+                 with(swing("[0.8, 0.5, 0]", "300"), {"missed_ticks=[{at_s: 0.1, count: 50}]", "duration_s=0.5"}),
+                 options);
     const std::vector<TickRecord> rows = readLog(options.log);
     ASSERT_EQ(rows.size(), 500u);
     for (std::size_t k = 0; k < rows.size(); ++k) {

@@ -29,12 +29,12 @@ TEST(ExperimentFile, AWrongListOfFiltersIsRefused) {
     const auto errorOf = [](const std::string& filter) {
         return catchError([&] { readTestExperiment(kOneJoint, {"filter=" + filter}); });
     };
-    EXPECT_NE(errorOf("[]").find("1 to 16 entries, this one has 0. Write for example"), std::string::npos);
-    EXPECT_NE(errorOf("[tosbp, tosbq]").find("filter[1]: there is no filter plugin called 'tosbq'"), std::string::npos);
-    EXPECT_NE(errorOf("[tosbp, {gamma: 3}]").find("filter[1]: the block must name a plugin"), std::string::npos);
-    EXPECT_NE(errorOf("[tosbp, {plugin: tosbp, gama: 3}]").find("filter[1].gama"), std::string::npos);
-    EXPECT_NE(errorOf("[[tosbp]]").find("filter[0]: the block must name a plugin. Write"), std::string::npos);
-    EXPECT_NE(errorOf("{plugn: tosbp}").find("Did you mean `plugin` by `plugn`?"), std::string::npos);
+    EXPECT_CONTAINS(errorOf("[]"), "1 to 16 entries, this one has 0. Write for example");
+    EXPECT_CONTAINS(errorOf("[tosbp, tosbq]"), "filter[1]: there is no filter plugin called 'tosbq'");
+    EXPECT_CONTAINS(errorOf("[tosbp, {gamma: 3}]"), "filter[1]: the block must name a plugin");
+    EXPECT_CONTAINS(errorOf("[tosbp, {plugin: tosbp, gama: 3}]"), "filter[1].gama");
+    EXPECT_CONTAINS(errorOf("[[tosbp]]"), "filter[0]: the block must name a plugin. Write");
+    EXPECT_CONTAINS(errorOf("{plugn: tosbp}"), "Did you mean `plugin` by `plugn`?");
 }
 
 TEST(ExperimentFile, ACaseOverridesTheTopAndKeepsTheRest) {
@@ -171,7 +171,7 @@ TEST(ExperimentFile, WhatIsToldFollowsFromNothingElseThatIsWrong) {
     std::string yaml = kOneJoint;
     yaml.replace(yaml.find("{A: {}}"), 7, "{A: {}, B: {}, C: {}}");
     yaml.erase(yaml.find("duration_s: 2\n"), 14);
-    EXPECT_NE(errorOf(yaml).find("test.yaml: the key `duration_s` is missing"), std::string::npos) << errorOf(yaml);
+    EXPECT_CONTAINS(errorOf(yaml), "test.yaml: the key `duration_s` is missing");
     EXPECT_EQ(count(errorOf(yaml)), 1u);
     // By a tick that is perhaps not what was meant, nothing is judged.
     const std::string tick = errorOf(kOneJoint, {"tik_s=0.0002", "stream={rate_hz: 4000}", "duration_s=0.0005",
@@ -187,8 +187,7 @@ TEST(ExperimentFile, BlocksThatDoNotFitTogetherAreRefused) {
     expectContains(errorOf(kOneJoint, {"cases.a/b.duration_s=1"}), {"a/b", "name of a case"});
     expectContains(errorOf(kOneJoint, {"schema=2"}), {"schema is 2", "reads 1"});
     const Experiment e = readTestExperiment(kOneJoint, {"controller.plugin=task_space_pd"});
-    expectContains(catchError([&] { configureCase(e.cases[0]); }),
-                   {"task_space_pd", "cannot follow", "waypoints", "joint_pd"});
+    expectError({"task_space_pd", "cannot follow", "waypoints", "joint_pd"}, [&] { configureCase(e.cases[0]); });
 }
 
 TEST(Fault05, WrongSizesAreRefused) {
@@ -274,12 +273,12 @@ TEST(Fault12, EveryPositionFaceOfEveryJointIsGuarded) {
                 EXPECT_NO_THROW(configureCase(moved)) << i;
             }
             moved.start.q[i] = face + side * 0.0078125;
-            expectContains(catchError([&] { configureCase(moved); }),
-                           {"position", plan.robot.joints[i].name, name + " limit", "by 0.0078"});
+            expectError({"position", plan.robot.joints[i].name, name + " limit", "by 0.0078"},
+                        [&] { configureCase(moved); });
             moved.start.q[i] = face - side * 1e-3;  // inside, and too fast for what room is left
             moved.start.qd[i] = side * 0.3;
-            expectContains(catchError([&] { configureCase(moved); }),
-                           {"not viable", plan.robot.joints[i].name, name + " position limit by"});
+            expectError({"not viable", plan.robot.joints[i].name, name + " position limit by"},
+                        [&] { configureCase(moved); });
             moved.start.qd[i] = -side * 0.3;
             EXPECT_NO_THROW(configureCase(moved)) << i;
         }
@@ -295,17 +294,17 @@ TEST(Fault12, EveryVelocityAndAccelerationFaceOfEveryJointIsGuarded) {
             moved.start.qd[i] = side * plan.limits.velocity.upper[i];
             EXPECT_NO_THROW(configureCase(moved)) << i;
             moved.start.qdd[i] = side;  // on the face, and going on
-            expectContains(catchError([&] { configureCase(moved); }),
-                           {"not viable", plan.robot.joints[i].name, name + " velocity limit by"});
+            expectError({"not viable", plan.robot.joints[i].name, name + " velocity limit by"},
+                        [&] { configureCase(moved); });
             moved.start.qd[i] += side * 0.0078125;
-            expectContains(catchError([&] { configureCase(moved); }),
-                           {"start velocity of " + plan.robot.joints[i].name, name + " limit", "by 0.0078"});
+            expectError({"start velocity of " + plan.robot.joints[i].name, name + " limit", "by 0.0078"},
+                        [&] { configureCase(moved); });
             moved.start.qd[i] = 0.0;
             moved.start.qdd[i] = side * plan.limits.acceleration.upper[i];
             EXPECT_NO_THROW(configureCase(moved)) << i;
             moved.start.qdd[i] += side * 0.0078125;
-            expectContains(catchError([&] { configureCase(moved); }),
-                           {"start acceleration of " + plan.robot.joints[i].name, name + " limit", "by 0.0078"});
+            expectError({"start acceleration of " + plan.robot.joints[i].name, name + " limit", "by 0.0078"},
+                        [&] { configureCase(moved); });
         }
 }
 

@@ -10,8 +10,7 @@ namespace {
 /** Somebody who walks to the arm and stays beside it. */
 constexpr char kAnn[] =
     "environment={people: {ann: {capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], latency_s: 0.02, "
-    "walk: "
-    "[{time_s: 0, xyz: [2, 0, 0]}, {time_s: 1, xyz: [0.6, 0, 0]}]}}}";
+    "walk: [{time_s: 0, xyz: [2, 0, 0]}, {time_s: 1, xyz: [0.6, 0, 0]}]}}}";
 
 TEST(PeopleKeys, AreReadAndStandInTheResolvedFile) {
     const Experiment e = readTestExperiment(kOneJoint, {kAnn});
@@ -22,8 +21,8 @@ TEST(PeopleKeys, AreReadAndStandInTheResolvedFile) {
     EXPECT_TRUE(plan.geometry);
     const std::string text = writeConfig(plan.resolved);
     EXPECT_EQ(writeConfig(readTestExperiment(text).cases.front().resolved), text);
-    expectContains(catchError([] { readTestExperiment(kOneJoint, {"environment={people: {ann: {speed: 1}}}"}); }),
-                   {"environment.people.ann", "capsules"});
+    expectError({"environment.people.ann", "capsules"},
+                [] { readTestExperiment(kOneJoint, {"environment={people: {ann: {speed: 1}}}"}); });
 }
 
 TEST(PeopleKeys, ABodyPartMayBeTouchedAtWhatTheArmsMassAllows) {
@@ -42,8 +41,7 @@ TEST(PeopleKeys, ABodyPartMayBeTouchedAtWhatTheArmsMassAllows) {
     const nlohmann::json json = nlohmann::json::parse(writeSummaryJson({}, {}, {result}))["cases"][0];
     EXPECT_EQ(json["people"]["contact_speeds_mps"]["ann"], expected);
     // Who must not be touched by what moves holds the arm up for longer.
-    const Experiment strict = readTestExperiment(kOneJoint, {"filter={plugin: whole_arm_braking}", kAnn});
-    const CaseResult untouched = runCase(configureCase(strict.cases.front()), {});
+    const CaseResult untouched = runFirstCase(kOneJoint, {"filter={plugin: whole_arm_braking}", kAnn});
     EXPECT_LT(people.resting_s, untouched.summary.account(LimitKind::Separation)->resting_s);
 }
 
@@ -51,10 +49,9 @@ TEST(PeopleKeys, ABodyPartMayBeTouchedAtWhatTheArmsMassAllows) {
 TEST(PeopleKeys, ARunJudgesThem) {
     const TemporaryFolder folder;
     const auto run = [&](const char* filter, const char* log) {
-        const Experiment e = readTestExperiment(kOneJoint, {std::string("filter=") + filter, kAnn});
         RunOptions options;
         options.log = folder / log;
-        return runCase(configureCase(e.cases.front()), options);
+        return runFirstCase(kOneJoint, {std::string("filter=") + filter, kAnn}, options);
     };
     const CaseResult kept = run("{plugin: whole_arm_braking}", "run.mcap");
     ASSERT_TRUE(kept.summary.account(LimitKind::Separation));
@@ -98,8 +95,8 @@ TEST(PeopleKeys, ARunJudgesThem) {
 TEST(PeopleKeys, AFilterInAProcessOfItsOwnDoesNotSeeThemMove) {
     const Experiment e = readTestExperiment(kOneJoint, {"filter={plugin: whole_arm_braking}", kAnn});
     const Isolation isolation;
-    expectContains(catchError([&] { configureCase(e.cases.front(), &isolation); }),
-                   {"in a process of its own it does not see how the people", "Run it without --isolate"});
+    expectError({"in a process of its own it does not see how the people", "Run it without --isolate"},
+                [&] { configureCase(e.cases.front(), &isolation); });
     const Experiment blind = readTestExperiment(kOneJoint, {"filter={plugin: certified_braking}", kAnn});
     EXPECT_TRUE(configureCase(blind.cases.front(), &isolation)) << "it guarantees nothing of them";
 }
@@ -107,9 +104,8 @@ TEST(PeopleKeys, AFilterInAProcessOfItsOwnDoesNotSeeThemMove) {
 // Faults of who is seen are braked for, counted and named.
 TEST(PeopleKeys, WhoComesFromNowhereIsNamed) {
     const auto run = [](const std::string& person) {
-        const Experiment e = readTestExperiment(
-            kOneJoint, {"filter={plugin: whole_arm_braking}", "environment={people: {ann: " + person + "}}"});
-        return runCase(configureCase(e.cases.front()), {});
+        return runFirstCase(kOneJoint,
+                            {"filter={plugin: whole_arm_braking}", "environment={people: {ann: " + person + "}}"});
     };
     const std::string body = "capsules: [{from_m: [0, 0, -1], to_m: [0, 0, 1], radius_m: 0.2}], ";
     const CaseResult fast = run("{" + body + "walk: [{time_s: 0.5, xyz: [3, 0, 0]}, {time_s: 1, xyz: [0.5, 0, 0]}]}");

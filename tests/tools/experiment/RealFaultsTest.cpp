@@ -172,8 +172,7 @@ TEST(MotorRate, OneThatDoesNotActChangesNoBit) {
 
 TEST(MotorRate, TheSmallerOfPlantAndRobustLoopCounts) {
     const auto configure = [](const std::vector<std::string>& overrides) {
-        const Experiment e = readTestExperiment(kHandLed, overrides);
-        return configureCase(e.cases.front())->motorRate;
+        return configureCase(readTestExperiment(kHandLed, overrides).cases.front())->motorRate;
     };
     EXPECT_EQ(configure({"real_plant.motor_rate_Nmps=300"}), JointVector::Constant(6, 300.0));
     EXPECT_EQ(configure({"robust_loop.motor_rate_Nmps=200"}), JointVector::Constant(6, 200.0));
@@ -181,18 +180,16 @@ TEST(MotorRate, TheSmallerOfPlantAndRobustLoopCounts) {
         EXPECT_EQ(configure({"real_plant.motor_rate_Nmps=300", std::string("robust_loop.motor_rate_Nmps=") + own}),
                   JointVector::Constant(6, std::min(300.0, std::stod(own))));
     EXPECT_EQ(configure({}).size(), 0);
-    expectContains(catchError([&] { configure({"real_plant.motor_rate_Nmps=0"}); }),
-                   {"real_plant.motor_rate_Nmps", "(0, inf)"});
+    expectError({"real_plant.motor_rate_Nmps", "(0, inf)"}, [&] { configure({"real_plant.motor_rate_Nmps=0"}); });
 }
 
 TEST(MotorRate, OfThePlantHasNoTrackingBound) {
-    expectContains(catchError([] {
-                       configureCase(readTestExperiment(kTeleoperation, {"filter={plugin: certified_braking}",
-                                                                         "real_plant.motor_rate_Nmps=300",
-                                                                         "disturbance_set={payload_kg: 1}"})
-                                         .cases.front());
-                   }),
-                   {"motor_rate_Nmps", "no tracking bound covers a limited change of the motor's whole torque"});
+    expectError({"motor_rate_Nmps", "no tracking bound covers a limited change of the motor's whole torque"}, [] {
+        configureCase(
+            readTestExperiment(kTeleoperation, {"filter={plugin: certified_braking}", "real_plant.motor_rate_Nmps=300",
+                                                "disturbance_set={payload_kg: 1}"})
+                .cases.front());
+    });
 }
 
 // --- 16: other masses -------------------------------------------------------------------------------
@@ -297,8 +294,7 @@ TEST(Fault19, HalfTheTorqueIsFoundBeforeTheErrorIsLarge) {
         weak.cases[0].robot.actuation.torqueLimit = 1.5 * needed;
         const RecordedRun run(weak);
         expectSameNominal(run, enough);
-        const bool isTold = run.isTripped() || !findProblems(*run.result).empty();
-        EXPECT_TRUE(isTold) << formatVerdict(*run.result);
+        EXPECT_TRUE(run.isTripped() || !findProblems(*run.result).empty()) << formatVerdict(*run.result);
         // Up to the trip: 0.15 s at the velocity limit (FollowingWatch), 50 mrad at least.
         double before = 0.0;
         std::int64_t saturated = 0;
@@ -473,12 +469,11 @@ TEST(Fault22, SwappedChannelsStopTheArmAndLeaveTheNominalOneAlone) {
 // The filter knows its whole path, and cannot get out of it: it brakes, and the summary says from when on it was touched. Behind a
 // controller that knows nothing of it: tool_servo would wait by itself.
 TEST(Fault60, ABallQuickerThanTheArmIsBrakedForAndTheSummarySaysWhenItTouched) {
-    const Experiment e = readTestExperiment(
+    const CaseResult r = runFirstCase(
         kHandLed,
         {"controller={plugin: task_space_pd}", "filter={plugin: whole_arm_braking, recovery: true}", "duration_s=2",
          "environment={obstacles: {ball: {sphere: 0.1, path: [{time_s: 0, xyz: [0.35, 0, 5]}, {time_s: 1, xyz: "
          "[0.35, 0, 0.4]}, {time_s: 2, xyz: [0.35, 0, -4]}]}}}"});
-    const CaseResult r = runCase(configureCase(e.cases.front()), {});
     EXPECT_EQ(r.stopReason, StopReason::None) << r.stopMessage;
     EXPECT_EQ(r.summary.ticksWith(FilterStatus::Infeasible), 0);
     EXPECT_FALSE(r.summary.anyLimitBroken());

@@ -61,7 +61,7 @@ TEST(SpeedLimitKeys, ARobotHasItsOwnInLimitsYaml) {
     EXPECT_EQ(readTestExperiment(kOneJoint, {choice, "speed_limits={tool_mps: 0.3}"}).cases[0].robot.speedLimits.arm,
               0.4);
     std::filesystem::remove(robot / "collision.yaml");
-    expectContains(catchError([&] { readTestExperiment(kOneJoint, {choice}); }), {"collision.yaml"});
+    expectError({"collision.yaml"}, [&] { readTestExperiment(kOneJoint, {choice}); });
     EXPECT_NO_THROW(readTestExperiment(kOneJoint, {choice, "speed_limits={arm_mps: .inf, tool_mps: 0.3}"}));
 }
 
@@ -69,11 +69,9 @@ TEST(SpeedLimitKeys, ARobotHasItsOwnInLimitsYaml) {
 TEST(SpeedLimitKeys, ARunJudgesThem) {
     const TemporaryFolder folder;
     const auto run = [&](const char* filter, const char* log) {
-        const Experiment e =
-            readTestExperiment(kOneJoint, {std::string("filter=") + filter, "speed_limits={arm_mps: 0.5}"});
         RunOptions options;
         options.log = folder / log;
-        return runCase(configureCase(e.cases.front()), options);
+        return runFirstCase(kOneJoint, {std::string("filter=") + filter, "speed_limits={arm_mps: 0.5}"}, options);
     };
     const CaseResult kept = run("{plugin: whole_arm_braking}", "run.mcap");
     ASSERT_TRUE(kept.summary.account(LimitKind::Speed));

@@ -10,8 +10,7 @@ CaseResult run(const std::vector<std::string>& streams) {
     std::vector<std::string> overrides = {"controller={plugin: tool_servo}", "filter={plugin: certified_braking}",
                                           "duration_s=6"};
     overrides.insert(overrides.end(), streams.begin(), streams.end());
-    const Experiment experiment = readTestExperiment(kTeleoperation, overrides);
-    return runCase(configureCase(experiment.cases.front()), {});
+    return runFirstCase(kTeleoperation, overrides);
 }
 
 std::string refuse(const std::string& stream) {

@@ -159,9 +159,9 @@ TEST(LiveSession, ResumeDoesNotReplaceAPauseThatWasNotTakenYet) {
     session.resume(LiveAsker::Page);  // now it has been
     await([&] { return session.status().state == LiveState::Running; });
     session.stop(LiveAsker::Signal);
-    const CaseResult result = session.finish();
-    EXPECT_EQ(listChanges(result), (std::vector<std::string>{"running (program)", "armed (key)", "running (page)",
-                                                             "stopping (signal)", "stopped (program)"}));
+    EXPECT_EQ(listChanges(session.finish()),
+              (std::vector<std::string>{"running (program)", "armed (key)", "running (page)", "stopping (signal)",
+                                        "stopped (program)"}));
 }
 
 /** A command that sleeps now and then, and counts what the loop's thread takes from the heap. */
@@ -236,8 +236,7 @@ TEST(LiveSession, TakesNothingFromTheHeapInItsTicks) {
     session.begin();
     await([&] { return session.status().time_s > 0.2; });
     session.record(true);
-    const CaseResult result = session.finish();
-    EXPECT_EQ(result.live->takes.size(), 1u);
+    EXPECT_EQ(session.finish().live->takes.size(), 1u);
     EXPECT_GT(command.asked, 500);
     EXPECT_EQ(command.allocations, 0);
 }
@@ -256,9 +255,8 @@ TEST(LiveSession, AFailureStopsTheArmAndIsTold) {
 }
 
 TEST(LiveSession, ARehearsalNeedsNoRealArm) {
-    const Experiment e = readTestExperiment(kTeleoperation, {kCertified,
-                                                             "real_plant={plugin: link, address: "
-                                                             "\"127.0.0.1:9\"}"});
+    const Experiment e =
+        readTestExperiment(kTeleoperation, {kCertified, "real_plant={plugin: link, address: \"127.0.0.1:9\"}"});
     EXPECT_NO_THROW(LiveSession::rehearse(e.cases[0]));
     LiveOptions options = makeOptions(1.0);
     EXPECT_THROW(LiveSession(configureCase(e.cases[0]), options), Error);
@@ -266,8 +264,8 @@ TEST(LiveSession, ARehearsalNeedsNoRealArm) {
 
 TEST(LiveSession, WhatFailsInTheRehearsalIsRefused) {
     const Experiment e = readTestExperiment(kTeleoperation, {"filter={plugin: throwing_tick, after_ticks: 50}"});
-    const std::string error = catchError([&] { LiveSession::rehearse(e.cases[0]); }, ErrorKind::PluginFailed);
-    expectContains(error, {"case A", "rehearsal", "stopped at 0.0500 s", "'throwing_tick'", "it threw"});
+    expectError({"case A", "rehearsal", "stopped at 0.0500 s", "'throwing_tick'", "it threw"}, ErrorKind::PluginFailed,
+                [&] { LiveSession::rehearse(e.cases[0]); });
 }
 
 TEST(LatestValue, TheReaderGetsTheNewestAndAlwaysAWholeOne) {

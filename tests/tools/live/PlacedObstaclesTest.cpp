@@ -33,43 +33,35 @@ TEST(PlacedObstacles, AMessageIsTakenWholeOrNotAtAll) {
     const auto none = PlacedObstacles::read(R"({"place": 1})");
     ASSERT_TRUE(none);
     EXPECT_FALSE(none->solid);
-    for (const std::string& wrong :
-         std::vector<std::string>{"",
-                                  "{",
-                                  "null",
-                                  "[]",
-                                  "3",
-                                  "{}",
-                                  R"({"place": 0})",
-                                  R"({"place": 9})",
-                                  R"({"place": 1.5})",
-                                  R"({"place": "1"})",
-                                  R"({"place": 1e300})",
-                                  R"({"ball": 0.1, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": 0.1})",
-                                  R"({"place": 1, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, 0, 0]})",
-                                  R"({"place": 1, "ball": 0, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": -1, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": 5.1, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": true, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": 1e999, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": NaN, "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, 1e999]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, 11]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, null]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, 0], "turn": [1, 0, 0, 0]})",
-                                  R"({"place": 1, "ball": 0.1, "box": [1, 1, 1], "at": [0, 0, 0]})",
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, 0], "name": "<script>"})",
-                                  R"({"place": 1, "box": [1, 1], "at": [0, 0, 0]})",
-                                  R"({"place": 1, "box": [1, 1, 0], "at": [0, 0, 0]})",
-                                  R"({"place": 1, "box": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0, 0]})",
-                                  R"({"place": 1, "box": [1, 1, 1], "at": [0, 0, 0], "turn": [2, 0, 0, 0]})",
-                                  R"({"place": 1} {"place": 2})",
-                                  std::string(500, '['),
-                                  R"({"place": 1, "ball": 0.1, "at": [0, 0, 0]})" + std::string(600, ' ')})
-        EXPECT_FALSE(PlacedObstacles::read(wrong)) << wrong;
+    const auto expectRefused = [](const std::vector<std::string>& texts) {
+        for (const std::string& text : texts) EXPECT_FALSE(PlacedObstacles::read(text)) << text;
+    };
+    expectRefused({"", "{", "null", "[]", "3", "{}", std::string(500, '[')});
+    expectRefused(
+        {R"({"place": 0})", R"({"place": 9})", R"({"place": 1.5})", R"({"place": "1"})", R"({"place": 1e300})"});
+    expectRefused({R"({"ball": 0.1, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": 0.1})",
+                   R"({"place": 1, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, 0, 0]})",
+                   R"({"place": 1, "ball": 0, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": -1, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": 5.1, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": true, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": 1e999, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": NaN, "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, 1e999]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, 11]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, null]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, 0], "turn": [1, 0, 0, 0]})",
+                   R"({"place": 1, "ball": 0.1, "box": [1, 1, 1], "at": [0, 0, 0]})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, 0], "name": "<script>"})",
+                   R"({"place": 1, "box": [1, 1], "at": [0, 0, 0]})",
+                   R"({"place": 1, "box": [1, 1, 0], "at": [0, 0, 0]})",
+                   R"({"place": 1, "box": [1, 1, 1], "at": [0, 0, 0], "turn": [0, 0, 0, 0]})",
+                   R"({"place": 1, "box": [1, 1, 1], "at": [0, 0, 0], "turn": [2, 0, 0, 0]})",
+                   R"({"place": 1} {"place": 2})",
+                   R"({"place": 1, "ball": 0.1, "at": [0, 0, 0]})" + std::string(600, ' ')});
 }
 
 TEST(PlacedObstacles, AVersionIsTheSameAfterALog) {
@@ -95,7 +87,7 @@ TEST(PlacedObstacles, AVersionIsTheSameAfterALog) {
     }
     for (const char* wrong :
          {"", "{}", R"({"stamp_s": 1, "placed": [{"place": 1}]})", R"({"stamp_s": "1", "placed": []})"})
-        expectContains(catchError([&] { PlacedObstacles::readVersion(wrong, "my log"); }), {"my log"});
+        expectError({"my log"}, [&] { PlacedObstacles::readVersion(wrong, "my log"); });
 }
 
 TEST(PlacedObstacles, AFilterThatKeepsClearOfNothingTakesNone) {
@@ -246,8 +238,7 @@ TEST(PlacedObstacles, WhatIsDraggedAroundAMovingArmIsKeptClearOfAndReplaysToTheB
     LogWriter writer(drive.folder / "B.mcap", opening);
     for (const TickRecord& row : drive.rows) writer.append(row);
     writer.finish();
-    const ReplayResult other = replayLog(drive.folder / "B.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"});
-    EXPECT_NE(other.difference, "");
+    EXPECT_NE(replayLog(drive.folder / "B.mcap", makeTestLoader(), {VIABLE_SOURCE_DIR "/robots"}).difference, "");
 }
 
 TEST(PlacedObstacles, WhatIsPutIntoTheArmBrakesItAndIsNamedUntilItIsTakenAway) {

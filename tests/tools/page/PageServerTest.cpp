@@ -115,6 +115,11 @@ protected:
         client.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
     }
 
+    /** [s] */
+    static double calcSince(std::chrono::steady_clock::time_point begin) {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    }
+
     /** How long a server's end takes [s]. @param meanwhile  what the viewers do */
     static double timeEnd(
         std::unique_ptr<PageServer>& server, const std::function<void()>& meanwhile = [] {}) {
@@ -122,7 +127,7 @@ protected:
         std::thread end([&] { server.reset(); });
         meanwhile();
         end.join();
-        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+        return calcSince(begin);
     }
 
     /** What comes until the connection ends. */
@@ -252,8 +257,7 @@ TEST_F(PageServerTest, Fault67_ATokenLetsOneBrowserInOnce) {
     EXPECT_EQ(statusOfUpgrade(session, origin(), host()), 101);
     EXPECT_EQ(statusOfUpgrade(session, origin(), host()), 101);  // until the program ends
     for (int k = 0; k < 17; ++k) (void)server_.makeAddress();
-    const std::string last = token();
-    EXPECT_EQ(statusOfUpgrade(last, origin(), host()), 101);
+    EXPECT_EQ(statusOfUpgrade(token(), origin(), host()), 101);
 }
 
 TEST_F(PageServerTest, Fault68_WhatIsNoWebSocketIsClosedWithItsCode) {
@@ -307,7 +311,7 @@ TEST_F(PageServerTest, Fault68_WhoDoesNotSpeakIsCutOff) {
     });
     EXPECT_TRUE(silent.isClosedWithin(4.0));
     EXPECT_EQ(statusOf(slow.read()), 0);
-    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double took_s = calcSince(begin);
     EXPECT_GT(took_s, 0.9 * WebSocket::kHandshake_s);
     EXPECT_LT(took_s, WebSocket::kHandshake_s + 2.0);
     drip.join();
@@ -363,8 +367,7 @@ TEST_F(PageServerTest, Fault70_WhoReadsNothingIsCutOffThoughItSpeaks) {
         return server_.counts().viewers == 0;
     };
     EXPECT_TRUE(await(isGone, 2.0 * WebSocket::kWrite_s));
-    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    EXPECT_GE(took_s, WebSocket::kWrite_s);
+    EXPECT_GE(calcSince(begin), WebSocket::kWrite_s);
 }
 
 TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
@@ -382,8 +385,7 @@ TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
         leaving.send(makeFrame(0x88, ""));
         knock(*server, coming);
         std::this_thread::sleep_for(std::chrono::microseconds(50 * round));  // its WebSocket is perhaps under way
-        const double took_s = timeEnd(server);
-        EXPECT_LT(took_s, 1.0);
+        EXPECT_LT(timeEnd(server), 1.0);
     }
 }
 
@@ -719,7 +721,7 @@ TEST_F(PageServerTest, AWatcherSeesTheChannelsOfTheLogAndMovesNothing) {
     client.send(watch(secret(), "foxglove.websocket.v1", "", host()));
     const std::string head = client.readHead();
     ASSERT_EQ(statusOf(head), 101);
-    EXPECT_NE(head.find("Sec-WebSocket-Protocol: foxglove.websocket.v1"), std::string::npos);
+    EXPECT_CONTAINS(head, "Sec-WebSocket-Protocol: foxglove.websocket.v1");
     EXPECT_EQ(json::parse(readFrame(client).payload)["op"], "serverInfo");
     const json advertised = json::parse(readFrame(client).payload);
     ASSERT_EQ(advertised["op"], "advertise");
@@ -871,8 +873,7 @@ TEST_F(PageServerTest, Fault64_TheHandIsReleasedWithTheConnection) {
         if (sendClose) viewer->send(makeFrame(0x88, ""));
         if (!sendClose) viewer.reset();
         EXPECT_TRUE(await([&] { return feed_->take().message.engagement == 0; }, 0.2));
-        const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-        RecordProperty(sendClose ? "closed_ms" : "gone_ms", std::to_string(1000 * took_s));
+        RecordProperty(sendClose ? "closed_ms" : "gone_ms", std::to_string(1000 * calcSince(begin)));
     }
 }
 
@@ -888,8 +889,7 @@ TEST_F(PageServerTest, Fault64_WhoIsCutOffWithoutAWordIsGoneAfterAWhile) {
     EXPECT_EQ(feed_->take().number, number);  // nobody makes up what was not said: the silence is seen
     EXPECT_GE(feed_->now() - feed_->take().received_s, TeleoperationFeed::kSilent_s);
     EXPECT_TRUE(await([&] { return server_.counts().viewers == 0; }, WebSocket::kAlive_s + 2.0));
-    const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-    EXPECT_GT(took_s, 0.9 * WebSocket::kAlive_s);
+    EXPECT_GT(calcSince(begin), 0.9 * WebSocket::kAlive_s);
     EXPECT_EQ(feed_->take().message.engagement, 0u);
     auto next = join();  // the lease is free
     next->send(makeFrame(kText, "take"));
@@ -900,7 +900,7 @@ TEST_F(PageServerTest, Fault64_WhoIsCutOffWithoutAWordIsGoneAfterAWhile) {
 TEST_F(PageServerTest, Fault62_AHandThatSeesTheArmTooLateDoesNotCount) {
     auto viewer = join();
     viewer->send(makeFrame(kText, "take"));
-    const double nan = std::numeric_limits<double>::quiet_NaN();
+    const double nan = kNan;
     int late = 0;
     viewer->send(makeFrame(kBinary, makeHand(1, feed_->now() - 0.25)));  // not followed
     EXPECT_TRUE(await([&] { return server_.counts().lateHands == 1; }));
@@ -942,8 +942,7 @@ TEST_F(PageServerTest, Fault70_WhoReadsSlowlyLosesFramesAndNobodyWaits) {
     for (int k = 0; k < kFrames; ++k) {
         const auto begin = std::chrono::steady_clock::now();
         server_.show(frame);
-        slowest_s =
-            std::max(slowest_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+        slowest_s = std::max(slowest_s, calcSince(begin));
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     EXPECT_TRUE(await([&] { return server_.counts().lostFrames > 100; }));
@@ -974,7 +973,7 @@ TEST_F(PageServerTest, WhatIsToldIsKnownToWhoComesLater) {
 TEST_F(PageServerTest, APortInUseIsToldWithARemedy) {
     PageOptions options = makeOptions();
     options.port = server_.port();
-    expectContains(catchError([&] { PageServer second(options, nullptr, [](PageWish) {}); }), {"Name another port"});
+    expectError({"Name another port"}, [&] { PageServer second(options, nullptr, [](PageWish) {}); });
 }
 
 TEST(PageAddress, IsReadInAllItsForms) {

@@ -236,9 +236,8 @@ TEST_F(LogRecoveryTest, WhatIsNoLogIsRefused) {
         return catchError(ErrorKind::BadInput, [&] { recoverLog(path(log), path("whole.mcap")); });
     };
     EXPECT_EQ(getText("empty"), path("empty").string() + ": the file is empty. Give a log written by `viable run`");
-    EXPECT_EQ(getText("text"), path("text").string() +
-                                   ": not an MCAP file of version 0. "
-                                   "Give a log written by `viable run`");
+    EXPECT_EQ(getText("text"),
+              path("text").string() + ": not an MCAP file of version 0. Give a log written by `viable run`");
     EXPECT_EQ(getText("absent"),
               path("absent").string() + ": the log cannot be opened: No such file or directory. Check the path");
     EXPECT_EQ(catchError(ErrorKind::BadInput, [&] { recoverLog(folder_, path("whole.mcap")); }),

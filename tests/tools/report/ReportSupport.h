@@ -4,23 +4,15 @@
 #include <zlib.h>
 
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
-#include <string>
-#include <vector>
+
+#include "TemporaryFolder.h"
 
 namespace viable::test {
 
 using nlohmann::json;
 
 inline const char* const kPage = "<page><data>@@VIABLE_DATA@@</data><binary>@@VIABLE_BINARY@@</binary>";
-
-inline std::string readText(const std::filesystem::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(stream), {}};
-}
 
 inline std::string cutOut(const std::string& text, const std::string& from, const std::string& to) {
     const std::size_t begin = text.find(from) + from.size();
@@ -64,7 +56,7 @@ inline std::string gunzip(const std::string& bytes) {
 /** A report as a browser would take it apart. */
 struct ReadReport {
     explicit ReadReport(const std::filesystem::path& file)
-        : text(readText(file)),
+        : text(readFile(file)),
           data(json::parse(cutOut(text, "<data>", "</data>"))),
           bytes(gunzip(fromBase64(cutOut(text, "<binary>", "</binary>")))) {}
 

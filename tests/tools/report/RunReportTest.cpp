@@ -152,7 +152,7 @@ TEST(RunReport, ATouchOfOneTickIsInPlotReplayAndTable) {
             const double force = strike != strikes.end() ? strike->second : i > 19990 ? 5.0 : 0.0;
             if (force > 0.0) row.contact = {1, {0.6 * force, 0, 0.8 * force}, force, 1e-3, {0.1, 0.2, 0.3}, 0, 1};
         });
-    json summary = json::parse(readText(run.path() / "summary.json"));
+    json summary = json::parse(readFile(run.path() / "summary.json"));
     summary["cases"][0]["contact"] = {{"ticks", 13}, {"obstacle", "wall"}, {"peak_N", 906.0}, {"last_N", 5.0}};
     std::ofstream(run.path() / "summary.json") << summary;
     const ReadReport report = run.report();
@@ -239,7 +239,7 @@ cases:
                 1e-2 * std::abs(1e3 * counted.worst));
     EXPECT_EQ(at(1, "collisions, real"), "-");
     EXPECT_EQ(data["cases"][1]["ok"], false);
-    EXPECT_NE(table["note"].get<std::string>().find("collisions: ticks in which"), std::string::npos);
+    EXPECT_CONTAINS(table["note"].get<std::string>(), "collisions: ticks in which");
     // No filter looked at clearances: there is nothing to plot, but the ball is drawn.
     EXPECT_TRUE(data["cases"][1]["clearance"]["distance"].is_null());
     EXPECT_EQ(data["environments"][0]["obstacles"][0]["name"], "ball");
@@ -249,9 +249,9 @@ TEST(RunReport, TellsThatACaseWasEndedAndWhen) {
     const RunFolder run(kTwoCases);
     const json one = run.report().data["cases"][1];
     EXPECT_NEAR(one["stop"]["time_s"], 0.671, 1e-9);
-    EXPECT_NE(one["stop"]["message"].get<std::string>().find("no admissible choice"), std::string::npos);
-    EXPECT_NE(one["verdict"].get<std::string>().find("limits broken: position"), std::string::npos);
-    EXPECT_NE(one["details"].get<std::string>().find("infeasible 1 (first at 0.670 s)"), std::string::npos);
+    EXPECT_CONTAINS(one["stop"]["message"].get<std::string>(), "no admissible choice");
+    EXPECT_CONTAINS(one["verdict"].get<std::string>(), "limits broken: position");
+    EXPECT_CONTAINS(one["details"].get<std::string>(), "infeasible 1 (first at 0.670 s)");
 }
 
 TEST(RunReport, AHostileTitleStaysText) {
@@ -260,7 +260,7 @@ TEST(RunReport, AHostileTitleStaysText) {
     EXPECT_EQ(report.data["title"], "</script><script>alert(1)</script> & <!-- ]]>");
     // Nothing in the data can end the script element that holds it.
     EXPECT_EQ(cutOut(report.text, "<data>", "</data>").find('<'), std::string::npos);
-    EXPECT_NE(report.data["yaml"].get<std::string>().find("<script>alert"), std::string::npos);
+    EXPECT_CONTAINS(report.data["yaml"].get<std::string>(), "<script>alert");
 }
 
 TEST(RunReport, TheRealArmIsThereWithItsDerivatives) {
@@ -368,7 +368,7 @@ TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
     const json& one = report.data["cases"][0];
     EXPECT_GT(one["rows"], 500);
     EXPECT_LT(one["rows"], 2000);
-    EXPECT_NE(one["verdict"].get<std::string>().find("the log has no end"), std::string::npos);
+    EXPECT_CONTAINS(one["verdict"].get<std::string>(), "the log has no end");
     EXPECT_EQ(report.data["title"], "one joint");  // from the log
     EXPECT_EQ(one["ok"], false);
 }
@@ -450,17 +450,16 @@ TEST(RunReport, ABucketShowsEveryLimitThatActedInIt) {
 TEST(RunReport, SaysWhatIsWrongWithTheFolderOrThePage) {
     const TemporaryFolder folder;
     const auto page = folder.write("page.html", kPage);
-    EXPECT_NE(catchError([&] { writeReport(folder / "absent", page); }).find("no such folder"), std::string::npos);
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("no log (.mcap)"), std::string::npos);
+    expectError({"no such folder"}, [&] { writeReport(folder / "absent", page); });
+    expectError({"no log (.mcap)"}, [&] { writeReport(folder.path(), page); });
     folder.write("A.mcap", "this is no log");
-    EXPECT_NE(catchError([&] { writeReport(folder.path(), page); }).find("A.mcap"), std::string::npos);
+    expectError({"A.mcap"}, [&] { writeReport(folder.path(), page); });
     folder.write("summary.json", "[1, 2");
-    expectContains(catchError([&] { writeReport(folder.path(), page); }), {"this is not a summary of a run"});
-    expectContains(catchError([&] { writeReport(folder.path(), folder / "absent.html"); }),
-                   {"the page of reports is missing"});
+    expectError({"this is not a summary of a run"}, [&] { writeReport(folder.path(), page); });
+    expectError({"the page of reports is missing"}, [&] { writeReport(folder.path(), folder / "absent.html"); });
     const RunFolder run(kOneJoint);
     const auto empty = folder.write("empty.html", "<html></html>");
-    expectContains(catchError([&] { writeReport(run.path(), empty); }), {"has no placeholder for the data"});
+    expectError({"has no placeholder for the data"}, [&] { writeReport(run.path(), empty); });
     EXPECT_FALSE(std::filesystem::exists(run.path() / "report.html"));
 }
 
@@ -469,7 +468,7 @@ TEST(RunReport, SummaryOfAnotherShapeIsRefusedNotAMisreading) {
     for (const char* text : {R"({"cases": 3})", R"({"cases": [5]})", R"({"cases": [{"name": 7}]})",
                              R"({"cases": [{"name": "A"}]})", R"({"title": 1, "cases": []})"}) {
         std::ofstream(run.path() / "summary.json") << text;
-        EXPECT_NE(catchError([&] { run.report(); }).find("this is not a summary of a run"), std::string::npos) << text;
+        EXPECT_CONTAINS(catchError([&] { run.report(); }), "this is not a summary of a run") << text;
     }
 }
 

@@ -41,7 +41,7 @@ TEST(Fault79, ThePageNamesEachMissingMeshAndDrawsCapsules) {
           "link `fore`: package://arm/meshes/fore.obj holds no mesh that can be read (it has no capsules in "
           "collision.yaml either)",
           "Put each into the robot's folder"})
-        EXPECT_NE(note.find(part), std::string::npos) << "no: " << part << "\nin: " << note;
+        EXPECT_CONTAINS(note, part);
     EXPECT_EQ(listShapes(lost, "upper"), std::vector<std::string>{"capsule"});
     EXPECT_EQ(listShapes(lost, "fore"), std::vector<std::string>{});
 

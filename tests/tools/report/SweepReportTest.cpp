@@ -152,23 +152,18 @@ TEST(SweepReport, WhatAKilledSweepLeftIsShown) {
     const TemporaryFolder left;  // store and write-ahead log as they lie on the disk, nobody at them
     for (const char* end : {"", "-wal"})
         std::filesystem::copy(sweep.path() / (std::string(kSweepStore) + end), left / (std::string(kSweepStore) + end));
-    const auto page = left.write("page.html", kPage);
-    EXPECT_EQ(ReadReport(writeSweepReport(left.path(), page)).data["rows"], 1);
+    EXPECT_EQ(ReadReport(writeSweepReport(left.path(), left.write("page.html", kPage))).data["rows"], 1);
 }
 
 TEST(SweepReport, RefusesWhatIsNoWholeStore) {
     {
         const TemporaryFolder folder;
         const auto page = folder.write("page.html", kPage);
-        EXPECT_NE(catchError([&] { writeSweepReport(folder.path(), page); }).find("there is no store (sweep.sqlite)"),
-                  std::string::npos);
+        expectError({"there is no store (sweep.sqlite)"}, [&] { writeSweepReport(folder.path(), page); });
         folder.write(kSweepStore, "this is no database, however long the text may become here");
-        EXPECT_NE(catchError([&] { writeSweepReport(folder.path(), page); }).find("no SQLite file"), std::string::npos);
+        expectError({"no SQLite file"}, [&] { writeSweepReport(folder.path(), page); });
         folder.write(kSweepStore, "");
-        EXPECT_NE(catchError([&] {
-                      writeSweepReport(folder.path(), page);
-                  }).find("half-written or damaged: no such table: meta"),
-                  std::string::npos);
+        expectError({"half-written or damaged: no such table: meta"}, [&] { writeSweepReport(folder.path(), page); });
         EXPECT_FALSE(std::filesystem::exists(folder / "report.html"));
     }
     struct Damage {
@@ -192,7 +187,7 @@ TEST(SweepReport, RefusesWhatIsNoWholeStore) {
         sweep.create();
         sweep.add("0, 'A', 0.1, 'x', 0.5, 'ok', 'r'");
         sweep.run(damage.sql);
-        EXPECT_NE(sweep.refusal().find(damage.message), std::string::npos) << damage.sql << ": " << sweep.refusal();
+        EXPECT_CONTAINS(sweep.refusal(), damage.message) << damage.sql;
         EXPECT_FALSE(std::filesystem::exists(sweep.path() / "report.html")) << damage.sql;
     }
 }

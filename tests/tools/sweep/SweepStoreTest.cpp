@@ -40,13 +40,6 @@ SweepRow makeRow(std::int64_t run, const std::string& name, double worst = 0.1, 
              worst, std::int64_t{5}}};
 }
 
-std::string readFile(const std::filesystem::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::ostringstream text;
-    text << stream.rdbuf();
-    return text.str();
-}
-
 void execute(const std::filesystem::path& file, const std::string& sql) {
     sqlite3* base = nullptr;
     ASSERT_EQ(sqlite3_open(file.c_str(), &base), SQLITE_OK);
@@ -112,13 +105,13 @@ TEST(SweepStore, TakesMoreRunsButNoOtherSweep) {
     test::expectContains(complain(), {"begun with 20 runs, and 5 are asked for now. --runs 20 continues it"});
     EXPECT_EQ(SweepStore(folder / "s").plan().runs, 20);
     plan.fileHash = "abd";
-    EXPECT_NE(complain().find("the experiment file, its overrides"), std::string::npos);
+    EXPECT_CONTAINS(complain(), "the experiment file, its overrides");
     plan = makePlan();
     plan.seed = 4;
-    EXPECT_NE(complain().find("its seed is 18446744073709551615, not 4"), std::string::npos);
+    EXPECT_CONTAINS(complain(), "its seed is 18446744073709551615, not 4");
     plan = makePlan();
     plan.cases = {"A"};
-    EXPECT_NE(complain().find("its cases are [\"B\",\"A\"]"), std::string::npos);
+    EXPECT_CONTAINS(complain(), "its cases are [\"B\",\"A\"]");
     plan = makePlan();
     plan.columns.pop_back();
     test::expectContains(complain(), {"its columns are others", "--out"});
@@ -126,23 +119,23 @@ TEST(SweepStore, TakesMoreRunsButNoOtherSweep) {
 
 TEST(SweepStore, RefusesFoldersThatHoldSomethingElse) {
     const Folder folder;
-    test::expectContains(test::findComplaint([&] { SweepStore(folder / "none"); }), {"there is no sweep.sqlite"});
+    test::expectError({"there is no sweep.sqlite"}, [&] { SweepStore(folder / "none"); });
     std::filesystem::create_directory(folder / "a");
     folder.write("a/x", "");
-    test::expectContains(test::findComplaint([&] { SweepStore(folder / "a", makePlan()); }), {"not a sweep"});
+    test::expectError({"not a sweep"}, [&] { SweepStore(folder / "a", makePlan()); });
     std::filesystem::create_directory(folder / "b");
     const std::string words = "this is text, and long enough to look like a file's header";
     folder.write("b/sweep.sqlite", words);
     std::filesystem::create_directory(folder / "c");
     execute(folder / "c/sweep.sqlite", "CREATE TABLE meta(other); CREATE TABLE runs(x)");
-    const std::string foreign = readFile(folder / "c/sweep.sqlite");
+    const std::string foreign = test::readFile(folder / "c/sweep.sqlite");
     for (const char* name : {"b", "c"}) {
         SCOPED_TRACE(name);
         test::catchError([&] { SweepStore(folder / name, makePlan()); });
         test::catchError([&] { const SweepStore store(folder / name); });
     }
-    EXPECT_EQ(readFile(folder / "b/sweep.sqlite"), words);
-    EXPECT_EQ(readFile(folder / "c/sweep.sqlite"), foreign);
+    EXPECT_EQ(test::readFile(folder / "b/sweep.sqlite"), words);
+    EXPECT_EQ(test::readFile(folder / "c/sweep.sqlite"), foreign);
 }
 
 TEST(SweepStore, BearsATableEditedElsewhere) {
@@ -156,8 +149,8 @@ TEST(SweepStore, BearsATableEditedElsewhere) {
         store.forEach([&](const SweepRow& row) { EXPECT_EQ(row.values, makeRow(row.run, row.caseName).values); });
     }
     execute(file, "ALTER TABLE runs DROP COLUMN worst");
-    test::expectContains(test::catchError([&] { SweepStore(folder / "s", makePlan()); }), {"worst"});
-    test::expectContains(test::catchError([&] { const SweepStore store(folder / "s"); }), {"worst"});
+    test::expectError({"worst"}, [&] { SweepStore(folder / "s", makePlan()); });
+    test::expectError({"worst"}, [&] { const SweepStore store(folder / "s"); });
 }
 
 TEST(SweepStore, ARunWithoutAllItsCasesIsDoneAgain) {
@@ -187,11 +180,8 @@ TEST(SweepColumns, ThatDifferInCaseOnlyAreRefused) {
     const std::string told = test::findComplaint([] {
         makeSweepColumns({{"cases.A.gain", "uniform(0, 1)"}, {"cases.a.gain", "uniform(0, 1)"}}, {});
     });
-    EXPECT_NE(told.find("`draw.cases.A.gain` and `draw.cases.a.gain`"), std::string::npos) << told;
-    EXPECT_NE(test::findComplaint([] {
-                  makeSweepColumns({}, {"Elbow", "elbow"});
-              }).find("tracking.elbow"),
-              std::string::npos);
+    EXPECT_CONTAINS(told, "`draw.cases.A.gain` and `draw.cases.a.gain`");
+    test::expectError({"tracking.elbow"}, [] { makeSweepColumns({}, {"Elbow", "elbow"}); });
 }
 
 TEST(SweepHash, IsOfNamesAndContentsWhereverTheyLie) {
@@ -218,8 +208,7 @@ TEST(SweepHash, IsOfNamesAndContentsWhereverTheyLie) {
 TEST(SweepStore, HasOneWriter) {
     const Folder folder;
     const SweepStore store(folder / "s", makePlan());
-    test::expectContains(test::findComplaint([&] { SweepStore(folder / "s", makePlan()); }),
-                         {"another run or sweep is writing"});
+    test::expectError({"another run or sweep is writing"}, [&] { SweepStore(folder / "s", makePlan()); });
     EXPECT_EQ(SweepStore(folder / "s").findRuns().size(), 0u) << "readers are welcome";
 }
 
@@ -229,7 +218,7 @@ TEST(SweepCsv, IsSortedQuotedAndWithoutTimes) {
     store.add({makeRow(3, "A", kInfinity), makeRow(3, "B")});
     store.add({makeRow(0, "A"), makeRow(0, "B")});
     writeSweepCsv(store);
-    const std::string text = readFile(folder / "s/sweep.csv");
+    const std::string text = test::readFile(folder / "s/sweep.csv");
     EXPECT_EQ(text.substr(0, text.find('\n')), "run,case,status,exit_code,message,draw.a.mass_kg,worst,ticks");
     const std::string said = "\"it said \"\"no\"\",\nand left\"";
     const std::string third = "0.3333333333333333";
@@ -271,7 +260,7 @@ TEST(SweepSummary, CommandsNoTerminal) {
     row.values[3] = std::string("viable\007");
     store.add({row, makeRow(0, "B")});
     const std::string text = formatSweepSummary(store);
-    EXPECT_NE(text.find("case A: fai?led: ?[2J and ? and \xc3\xa4\n    viable?\n"), std::string::npos) << text;
+    EXPECT_CONTAINS(text, "case A: fai?led: ?[2J and ? and \xc3\xa4\n    viable?\n");
     for (const char c : text) EXPECT_TRUE(c == '\n' || static_cast<unsigned char>(c) >= 0x20);
 }
 

@@ -26,8 +26,7 @@ SparseLdl::SparseLdl(const Eigen::MatrixXd& pattern) : n_(static_cast<int>(patte
     columns_.assign(1, 0);
     for (int j = 0; j < n_; ++j) {
         for (int i = 0; i <= j; ++i)
-            if (i == j || pattern(order_[static_cast<std::size_t>(i)], order_[static_cast<std::size_t>(j)]) != 0.0)
-                rows_.push_back(i);
+            if (i == j || pattern(order_[i], order_[j]) != 0.0) rows_.push_back(i);
         columns_.push_back(static_cast<int>(rows_.size()));
     }
     factorColumns_.resize(n + 1);
@@ -45,8 +44,7 @@ bool SparseLdl::factor(const Eigen::MatrixXd& matrix) {
     const auto n = static_cast<std::size_t>(n_);
     std::vector<double> values;
     for (std::size_t j = 0; j < n; ++j)
-        for (int k = columns_[j]; k < columns_[j + 1]; ++k)
-            values.push_back(matrix(order_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(k)])], order_[j]));
+        for (int k = columns_[j]; k < columns_[j + 1]; ++k) values.push_back(matrix(order_[rows_[k]], order_[j]));
     std::vector<double> work(n);
     std::vector<int> pattern(n), flag(n);
     const int done = ldl_numeric(n_, columns_.data(), rows_.data(), values.data(), factorColumns_.data(),
@@ -74,16 +72,14 @@ BlockRegression::BlockRegression(int parameters, int blocks, int extras)
     : n_(parameters),
       blocks_(blocks),
       normal_(static_cast<std::size_t>(blocks), Eigen::MatrixXd::Zero(parameters, parameters)),
-      gradient_(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(parameters)) {
-    const auto count = static_cast<std::size_t>(blocks);
-    for (int e = 0; e < extras; ++e)
-        extras_.push_back({Eigen::MatrixXd::Zero(parameters, blocks), std::vector<double>(count, 0.0),
-                           std::vector<double>(count, 0.0)});
-}
+      gradient_(static_cast<std::size_t>(blocks), Eigen::VectorXd::Zero(parameters)),
+      extras_(static_cast<std::size_t>(extras),
+              Extra{Eigen::MatrixXd::Zero(parameters, blocks), std::vector<double>(normal_.size(), 0.0),
+                    std::vector<double>(normal_.size(), 0.0)}) {}
 
 void BlockRegression::add(int block, double weight, const SparseRow& row, double residual) {
-    Eigen::MatrixXd& normal = normal_[static_cast<std::size_t>(block)];
-    Eigen::VectorXd& gradient = gradient_[static_cast<std::size_t>(block)];
+    Eigen::MatrixXd& normal = normal_[block];
+    Eigen::VectorXd& gradient = gradient_[block];
     for (std::size_t a = 0; a < row.index.size(); ++a) {
         gradient[row.index[a]] += weight * row.value[a] * residual;
         for (std::size_t b = 0; b < row.index.size(); ++b)
@@ -93,10 +89,10 @@ void BlockRegression::add(int block, double weight, const SparseRow& row, double
 
 void BlockRegression::addExtra(int extra, double value, int block, double weight, const SparseRow& row,
                                double residual) {
-    Extra& e = extras_[static_cast<std::size_t>(extra)];
+    Extra& e = extras_[extra];
     for (std::size_t a = 0; a < row.index.size(); ++a) e.cross(row.index[a], block) += weight * row.value[a] * value;
-    e.squares[static_cast<std::size_t>(block)] += weight * value * value;
-    e.with[static_cast<std::size_t>(block)] += weight * value * residual;
+    e.squares[block] += weight * value * value;
+    e.with[block] += weight * value * residual;
 }
 
 BlockRegression::Solution BlockRegression::solve(bool withErrors) const {

@@ -50,49 +50,36 @@ struct Candidate {
     double (*calc)(const TorqueEquation& row, double load, double fastest);
 };
 
-double averageSpeeds(const TorqueEquation& row, double (*law)(double, double), double scale) {
+template <class Law>
+double averageSpeeds(const TorqueEquation& row, const Law& law) {
     double sum = 0.0;
-    for (std::size_t k = 0; k < row.speeds.size(); ++k) sum += row.shares[k] * law(row.speeds[k], scale);
+    for (std::size_t k = 0; k < row.speeds.size(); ++k) sum += row.shares[k] * law(row.speeds[k]);
     return sum;
 }
-double calcHump(double v, double scale) {
-    return std::exp(-(v / scale) * (v / scale));
-}
-double calcSpeed(double v, double) {
-    return v;
-}
-double calcSpeedSquare(double v, double) {
-    return v * v;
+
+double calcHump(const TorqueEquation& row, double scale) {
+    return row.sign * averageSpeeds(row, [&](double v) { return std::exp(-(v / scale) * (v / scale)); });
 }
 
 /** Laws that are not fitted. `load` is the torque that the gear carries [Nm]. */
 const Candidate kCandidates[] = {
     {"torque offset", [](const TorqueEquation&, double, double) { return 1.0; }},
-    {"Stribeck effect", [](const TorqueEquation& row, double,
-                           double fastest) { return row.sign * averageSpeeds(row, calcHump, 0.03 * fastest); }},
-    {"Stribeck effect (wide)", [](const TorqueEquation& row, double,
-                                  double fastest) { return row.sign * averageSpeeds(row, calcHump, 0.12 * fastest); }},
+    {"Stribeck effect",
+     [](const TorqueEquation& row, double, double fastest) { return calcHump(row, 0.03 * fastest); }},
+    {"Stribeck effect (wide)",
+     [](const TorqueEquation& row, double, double fastest) { return calcHump(row, 0.12 * fastest); }},
     {"load friction", [](const TorqueEquation& row, double load, double) { return row.sign * std::abs(load); }},
     {"inertia error", [](const TorqueEquation& row, double, double) { return row.acceleration; }},
     {"tilt of the base about y", [](const TorqueEquation& row, double, double) { return row.tilt[0]; }},
     {"tilt of the base about x", [](const TorqueEquation& row, double, double) { return row.tilt[1]; }},
     {"mass error", [](const TorqueEquation& row, double, double) { return row.rigid; }},
-    {"speed squared",
-     [](const TorqueEquation& row, double, double) { return row.sign * averageSpeeds(row, calcSpeedSquare, 1.0); }},
-    {"direction", [](const TorqueEquation& row, double, double) { return averageSpeeds(row, calcSpeed, 1.0); }},
+    {"speed squared", [](const TorqueEquation& row, double,
+                         double) { return row.sign * averageSpeeds(row, [](double v) { return v * v; }); }},
+    {"direction",
+     [](const TorqueEquation& row, double, double) { return averageSpeeds(row, [](double v) { return v; }); }},
 };
 
 constexpr int kCandidateCount = static_cast<int>(std::size(kCandidates));
-
-IdentifiedFigure makeFigure(double value, double deviation, double quantile) {
-    IdentifiedFigure figure;
-    figure.value = value;
-    figure.deviation = std::hypot(deviation, kLeastError * value);
-    figure.lower = value - quantile * figure.deviation;
-    figure.upper = value + quantile * figure.deviation;
-    figure.isKnown = std::isfinite(value) && std::isfinite(deviation);
-    return figure;
-}
 
 /** With one more error that is independent of the others. */
 IdentifiedFigure widen(IdentifiedFigure figure, double deviation, double quantile) {
@@ -100,6 +87,14 @@ IdentifiedFigure widen(IdentifiedFigure figure, double deviation, double quantil
     figure.lower = figure.value - quantile * figure.deviation;
     figure.upper = figure.value + quantile * figure.deviation;
     return figure;
+}
+
+IdentifiedFigure makeFigure(double value, double deviation, double quantile) {
+    IdentifiedFigure figure;
+    figure.value = value;
+    figure.deviation = deviation;
+    figure.isKnown = std::isfinite(value) && std::isfinite(deviation);
+    return widen(figure, kLeastError * value, quantile);
 }
 
 /** The figure 1 / x of a figure x; for x > 0. */
@@ -188,6 +183,8 @@ private:
     bool isDetermined(int place) const {
         return fit_.solution().information[place] > BlockRegression::kLeastInformation;
     }
+    /** Fitted, and not told. */
+    bool isOpen(int place) const { return place >= 0 && !isDetermined(place); }
     double quantile(std::size_t joint) const { return detail::calcStudentQuantile(kLevel, blockCount_[joint] - 1); }
     double quantile() const { return detail::calcStudentQuantile(kLevel, equations_.blocks - 1); }
     IdentifiedFigure figure(int place, double value, double q) const {
@@ -270,17 +267,11 @@ private:
         if (layout().size == 0) return false;
         bool changed = false;
         if (layout().mass >= 0) {
-            bool isCentreOpen = false;
-            for (std::size_t k = 0; k < 3; ++k)
-                if (layout().moment[k] >= 0 && !isDetermined(layout().moment[k])) isCentreOpen = true;
-            if (isCentreOpen) {
-                const bool isMassOpen = !isDetermined(layout().mass);
+            const std::array<int, 3>& moment = layout().moment;
+            if (std::any_of(moment.begin(), moment.end(), [&](int place) { return isOpen(place); })) {
                 for (std::size_t k = 0; k < 3; ++k)
-                    if (isMassOpen || (layout().moment[k] >= 0 && !isDetermined(layout().moment[k])))
-                        choice_.moment[k] = false;
-                payloadReason_ =
-                    "the motion does not tell where the mass is in every direction of the tool "
-                    "frame";
+                    if (isOpen(layout().mass) || isOpen(moment[k])) choice_.moment[k] = false;
+                payloadReason_ = "the motion does not tell where the mass is in every direction of the tool frame";
                 if (choice_.moment == std::array<bool, 3>{false, false, false}) payload_ = PayloadModel::Mass;
                 changed = true;
             } else if (!isDetermined(layout().mass)) {
@@ -292,8 +283,8 @@ private:
             }
         }
         for (std::size_t i = 0; i < n_; ++i) {
-            if (layout().rotor[i] >= 0 && !isDetermined(layout().rotor[i])) choice_.rotor[i] = false, changed = true;
-            if (layout().offset[i] >= 0 && !isDetermined(layout().offset[i])) choice_.offset[i] = false, changed = true;
+            if (isOpen(layout().rotor[i])) choice_.rotor[i] = false, changed = true;
+            if (isOpen(layout().offset[i])) choice_.offset[i] = false, changed = true;
         }
         // Together they may be one: then it is the torques'.
         if (!isDelayKnown(layout().lag, values().lag))
@@ -301,7 +292,7 @@ private:
         else if (!isDelayKnown(layout().delay, values().delay))
             choice_.delay = false, changed = true;
         for (std::size_t b = 0; b < layout().bodies.size(); ++b)
-            if (layout().bodies[b] >= 0 && !isDetermined(layout().bodies[b])) choice_.bodies[b] = false, changed = true;
+            if (isOpen(layout().bodies[b])) choice_.bodies[b] = false, changed = true;
         if (changed) return true;  // what is left may be clearer without it
         for (std::size_t i = 0; i < n_; ++i) changed = (isFitted(i) && removeFriction(i)) || changed;
         return changed;
@@ -374,9 +365,8 @@ void Estimator::reportFriction(std::size_t i, JointIdentification& joint) const 
         const bool isNothing = joint.slope.upper * fit_.fastest(i) < nothing || law.slope <= 0.0;
         joint.written[1] = isNothing ? 0.0 : law.slope * velocity;
         joint.written[2] = isNothing ? joint.old[2] : velocity;
-        if (choice_.forms[i] == FrictionForm::KnownVelocity) {  // given that velocity
+        if (choice_.forms[i] == FrictionForm::KnownVelocity)  // given that velocity
             joint.viscous = makeFigure(law.slope * velocity, velocity * joint.slope.deviation, q);
-        }
     }
 }
 
@@ -522,11 +512,6 @@ const char* getName(FrictionForm form) {
 const char* getName(ModelVerdict verdict) {
     return detail::enumName<ModelVerdict::Doubtful>(verdict, {"not identified", "adequate", "approximate", "doubtful"},
                                                     "not identified");
-}
-
-bool Identification::anyFriction() const {
-    return std::any_of(joints.begin(), joints.end(),
-                       [](const JointIdentification& joint) { return joint.form != FrictionForm::None; });
 }
 
 Identification identify(const RobotDescription& nominal, const std::vector<MotionRecord>& records,

@@ -125,7 +125,6 @@ struct Identification {
     double block_s = 0.0;
     int equations = 0;
     int blocks = 0;
-    bool anyFriction() const;  ///< some joint's figures are new
 };
 
 /** Finds joint friction and a payload's mass from positions and torques of arms that moved.

@@ -1,10 +1,10 @@
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 
 #include "analysis/identification/Identification.h"
 #include "core/JsonNumber.h"
 #include "core/Text.h"
+#include "core/WholeFile.h"
+#include "experiment/ResolvedNodes.h"
 
 namespace viable {
 
@@ -42,25 +42,16 @@ std::string joinSources(const std::vector<std::string>& sources, std::size_t mos
     return text;
 }
 
-void addLine(std::string& text, const std::vector<std::string>& cells, const std::vector<std::size_t>& widths) {
-    std::string line;
-    for (std::size_t c = 0; c < cells.size(); ++c) {
-        line += cells[c];
-        const std::size_t width = cells[c].size();
-        if (c + 1 < cells.size()) line.append(widths[c] > width ? widths[c] - width + 2 : 2, ' ');
-    }
-    text += line + "\n";
-}
-
 std::string writeTable(const std::vector<std::vector<std::string>>& rows) {
-    std::vector<std::size_t> widths;
+    std::vector<std::size_t> widths(rows.front().size());
     for (const auto& row : rows)
-        for (std::size_t c = 0; c < row.size(); ++c) {
-            if (c >= widths.size()) widths.push_back(0);
-            widths[c] = std::max(widths[c], row[c].size());
-        }
+        for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
     std::string text;
-    for (const auto& row : rows) addLine(text, row, widths);
+    for (const auto& row : rows) {
+        for (std::size_t c = 0; c + 1 < row.size(); ++c)
+            text += row[c] + std::string(widths[c] - row[c].size() + 2, ' ');
+        text += row.back() + "\n";
+    }
     return text;
 }
 
@@ -98,20 +89,12 @@ std::string writePayload(const PayloadIdentification& payload) {
                 "], on top of what it says now; or add it to the tool's <inertial> in the URDF\n";
     else
         text +=
-            "               the model carries too much: take it from the payload of the experiment "
-            "or from the masses "
+            "               the model carries too much: take it from the payload of the experiment or from the masses "
             "in the URDF\n";
     return text;
 }
 
 // -------------------------------------------------------------------------------- actuation.yaml
-
-std::string readText(const std::filesystem::path& file) {
-    std::ifstream stream(file, std::ios::binary);
-    std::string text{std::istreambuf_iterator<char>(stream), {}};
-    if (!stream) throw badInput(file.string(), "the file cannot be read", "It is part of the robot's folder.");
-    return text;
-}
 
 std::string writeList(const std::vector<std::string>& values) {
     return "[" + detail::join(values) + "]";
@@ -151,15 +134,10 @@ std::string writeFriction(const Identification& found, const std::string& oldSou
     }
     if (!oldSource.empty()) text += "  # what is kept comes from: " + makePrintable(oldSource) + "\n";
     constexpr std::size_t kMostSources = 8;
-    ConfigNode source;
-    source.kind = ConfigNode::Kind::Scalar;
-    source.quoted = true;
-    source.text = std::string("identified by viable ") + VIABLE_VERSION + " from " + format("%.0f", found.duration_s) +
-                  " s of motion in " + joinSources(found.sources, kMostSources);
-    ConfigNode block;
-    block.kind = ConfigNode::Kind::Map;
-    block.entries.emplace_back("source", source);
-    return text + "  " + writeConfig(block);
+    const std::string source = std::string("identified by viable ") + VIABLE_VERSION + " from " +
+                               format("%.0f", found.duration_s) + " s of motion in " +
+                               joinSources(found.sources, kMostSources);
+    return text + "  " + writeConfig(detail::makeMap({{"source", detail::makeScalar(source, true)}}));
 }
 
 std::vector<std::string> splitLines(const std::string& text) {
@@ -186,21 +164,9 @@ std::string replaceFriction(const std::string& text, const std::string& block) {
     while (end - 1 != begin && (isBlank(*(end - 1)) || (*(end - 1))[0] == '#')) --end;
     std::string result;
     for (auto line = lines.begin(); line != begin; ++line) result += *line;
-    if (text.find("\r\n") == std::string::npos) {
-        result += block;
-    } else {
-        for (const char c : block) result += c == '\n' ? std::string("\r\n") : std::string(1, c);
-    }
+    result += text.find("\r\n") == std::string::npos ? block : detail::replaceAll(block, "\n", "\r\n");
     for (auto line = end; line != lines.end(); ++line) result += *line;
     return result;
-}
-
-/** All that is not the friction, for a comparison. */
-std::string writeRest(ConfigNode root) {
-    root.entries.erase(std::remove_if(root.entries.begin(), root.entries.end(),
-                                      [](const auto& entry) { return entry.first == "friction"; }),
-                       root.entries.end());
-    return writeConfig(root);
 }
 
 nlohmann::json toJson(double x) {
@@ -257,8 +223,7 @@ std::string writeText(const Identification& found) {
         if (!seen.empty()) text += makePrintable(joint.name) + ": the residuals also show " + seen + "\n";
         if (joint.rotorInertia.isKnown)
             text += makePrintable(joint.name) + ": inertia error " + formatWithError(joint.rotorInertia) +
-                    " kg m^2, reflected; over the gear ratio squared it belongs to "
-                    "rotor_inertia_kgm2\n";
+                    " kg m^2, reflected; over the gear ratio squared it belongs to rotor_inertia_kgm2\n";
         if (joint.torqueOffset.isKnown)
             text += makePrintable(joint.name) + ": torque offset " + formatWithError(joint.torqueOffset) + " Nm\n";
     }
@@ -294,30 +259,29 @@ std::string writeJson(const Identification& found) {
             return json{
                 {"coulomb_Nm", toJson(f[0])}, {"viscous_Nm", toJson(f[1])}, {"viscous_velocity_radps", toJson(f[2])}};
         };
-        json entry{{"form", getName(joint.form)},
-                   {"reason", joint.reason},
-                   {"prismatic", joint.isPrismatic},
-                   {"coulomb_Nm", toJson(joint.coulomb)},
-                   {"viscous_Nm", toJson(joint.viscous)},
-                   {"viscous_velocity_radps", toJson(joint.viscousVelocity)},
-                   {"slope_Nms", toJson(joint.slope)},
-                   {"covariance_coulomb_slope_inverse_velocity", covariance},
-                   {"rotor_inertia_error_kgm2", toJson(joint.rotorInertia)},
-                   {"torque_offset_Nm", toJson(joint.torqueOffset)},
-                   {"old", figures(joint.old)},
-                   {"written", figures(joint.written)},
-                   {"equations", joint.equations},
-                   {"blocks", joint.blocks},
-                   {"moving_s", toJson(joint.moving_s)},
-                   {"slowest_radps", toJson(joint.slowest)},
-                   {"fastest_radps", toJson(joint.fastest)},
-                   {"friction_rms_Nm", toJson(joint.frictionRms)},
-                   {"residual_rms_Nm", toJson(joint.residualRms)},
-                   {"explained", toJson(joint.explained)},
-                   {"residual_correlation", toJson(joint.correlation)},
-                   {"checks", checks},
-                   {"verdict", getName(joint.verdict)}};
-        joints[joint.name] = std::move(entry);
+        joints[joint.name] = {{"form", getName(joint.form)},
+                              {"reason", joint.reason},
+                              {"prismatic", joint.isPrismatic},
+                              {"coulomb_Nm", toJson(joint.coulomb)},
+                              {"viscous_Nm", toJson(joint.viscous)},
+                              {"viscous_velocity_radps", toJson(joint.viscousVelocity)},
+                              {"slope_Nms", toJson(joint.slope)},
+                              {"covariance_coulomb_slope_inverse_velocity", covariance},
+                              {"rotor_inertia_error_kgm2", toJson(joint.rotorInertia)},
+                              {"torque_offset_Nm", toJson(joint.torqueOffset)},
+                              {"old", figures(joint.old)},
+                              {"written", figures(joint.written)},
+                              {"equations", joint.equations},
+                              {"blocks", joint.blocks},
+                              {"moving_s", toJson(joint.moving_s)},
+                              {"slowest_radps", toJson(joint.slowest)},
+                              {"fastest_radps", toJson(joint.fastest)},
+                              {"friction_rms_Nm", toJson(joint.frictionRms)},
+                              {"residual_rms_Nm", toJson(joint.residualRms)},
+                              {"explained", toJson(joint.explained)},
+                              {"residual_correlation", toJson(joint.correlation)},
+                              {"checks", checks},
+                              {"verdict", getName(joint.verdict)}};
     }
     json moment = json::array(), centre = json::array(), bodies = json::array();
     for (std::size_t k = 0; k < 3; ++k) {
@@ -350,8 +314,9 @@ std::string writeJson(const Identification& found) {
 std::string writeActuation(const RobotDescription& nominal, const Identification& found) {
     VIABLE_CHECK(static_cast<int>(found.joints.size()) == nominal.size(), "figures of this robot's joints");
     const std::filesystem::path file = nominal.folder / "actuation.yaml";
-    const std::string text = readText(file);
-    ConfigNode root = parseConfig(text, file.string());
+    const std::optional<std::string> text = readWhole(file);
+    if (!text) throw badInput(file.string(), "the file cannot be read", "It is part of the robot's folder.");
+    ConfigNode root = parseConfig(*text, file.string());
     const ConfigNode* const old = root.find("friction");
     const ConfigNode* const source = old && old->kind == ConfigNode::Kind::Map ? old->find("source") : nullptr;
     const bool keepsSome = std::any_of(found.joints.begin(), found.joints.end(), [](const JointIdentification& joint) {
@@ -360,9 +325,12 @@ std::string writeActuation(const RobotDescription& nominal, const Identification
     const std::string block =
         writeFriction(found, keepsSome && source && source->kind == ConfigNode::Kind::Scalar ? source->text : "");
 
-    const std::string edited = replaceFriction(text, block);
+    const std::string edited = replaceFriction(*text, block);
     if (!edited.empty()) {
         try {
+            const auto writeRest = [](const ConfigNode& node) {
+                return writeConfig(detail::dropEntry(node, "friction"));
+            };
             if (writeRest(parseConfig(edited, file.string())) == writeRest(root)) return edited;
         } catch (const Error&) {
             // Laid out in a way that lines do not show; below it loses its comments, but nothing else.

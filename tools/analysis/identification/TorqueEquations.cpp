@@ -35,17 +35,11 @@ class TorqueBasis {
 public:
     TorqueBasis(const RobotDescription& nominal, bool withPayload, bool withBodies) : nominal_(nominal) {
         if (withPayload) {
-            const Eigen::Matrix3d e = Eigen::Matrix3d::Identity();
-            const Eigen::Vector3d places[kPayloadColumns] = {Eigen::Vector3d::Zero(),
-                                                             e.col(0),
-                                                             -e.col(0),
-                                                             e.col(1),
-                                                             -e.col(1),
-                                                             e.col(2),
-                                                             -e.col(2),
-                                                             e.col(0) + e.col(1),
-                                                             e.col(1) + e.col(2),
-                                                             e.col(2) + e.col(0)};
+            const auto unit = [](int axis) -> Eigen::Vector3d { return Eigen::Vector3d::Unit(axis % 3); };
+            std::vector<Eigen::Vector3d> places{Eigen::Vector3d::Zero()};
+            for (int axis = 0; axis < 3; ++axis)
+                for (const double side : {1.0, -1.0}) places.emplace_back(side * unit(axis));
+            for (int axis = 0; axis < 3; ++axis) places.emplace_back(unit(axis) + unit(axis + 1));
             for (const Eigen::Vector3d& place : places) loaded_.emplace_back(viable::withPayload(nominal, 1.0, place));
         }
         for (const Eigen::Vector3d& side : {Eigen::Vector3d::UnitX().eval(), Eigen::Vector3d::UnitY().eval()}) {
@@ -63,11 +57,12 @@ public:
     void realize(const JointVector& q, const JointVector& qd, const JointVector& qdd) {
         nominal_.calcTorque(q, qd, qdd, rigid);
         // Of a point mass of 1 kg the torque is a quadratic in its place: ten places tell all of it.
+        const auto calcMore = [&](const ArmRecursion& arm, JointVector& torque) {
+            arm.calcTorque(q, qd, qdd, torque);
+            torque -= rigid;
+        };
         std::array<JointVector, kPayloadColumns> t;
-        for (std::size_t i = 0; i < loaded_.size(); ++i) {
-            loaded_[i].calcTorque(q, qd, qdd, t[i]);
-            t[i] -= rigid;
-        }
+        for (std::size_t i = 0; i < loaded_.size(); ++i) calcMore(loaded_[i], t[i]);
         if (!loaded_.empty()) {
             payload[0] = t[0];
             for (std::size_t i = 0; i < 3; ++i) {
@@ -79,15 +74,9 @@ public:
                 payload[7 + i] = t[7 + i] - t[0] - payload[1 + i] - payload[1 + j] - payload[4 + i] - payload[4 + j];
             }
         }
-        for (std::size_t i = 0; i < 2; ++i) {
-            tilted_[i].calcTorque(q, qd, qdd, tilt[i]);
-            tilt[i] -= rigid;
-        }
+        for (std::size_t i = 0; i < 2; ++i) calcMore(tilted_[i], tilt[i]);
         bodies.resize(doubled_.size());
-        for (std::size_t i = 0; i < doubled_.size(); ++i) {
-            doubled_[i].calcTorque(q, qd, qdd, bodies[i]);
-            bodies[i] -= rigid;
-        }
+        for (std::size_t i = 0; i < doubled_.size(); ++i) calcMore(doubled_[i], bodies[i]);
         double size = rigid.cwiseAbs().maxCoeff();
         for (const JointVector& torque : t)
             if (torque.size() > 0) size = std::max(size, torque.cwiseAbs().maxCoeff());
@@ -129,9 +118,7 @@ struct Motion {
 };
 
 std::string quoteNames(const std::vector<std::string>& names) {
-    std::string text;
-    for (const std::string& name : names) detail::addItem(text, "`" + name + "`");
-    return text;
+    return "`" + join(names, "`, `") + "`";
 }
 
 void findJoints(const RobotDescription& nominal, Motion& motion) {
@@ -239,9 +226,9 @@ double calcShaking(const RobotDescription& nominal, const Motion& motion, std::s
         impulse.push_back(impulse.back() + (std::isfinite(torques[k]) ? torques[k] * step : 0.0));
     }
     // Twice: once would leave the curvature of torques that change slowly.
-    const auto half = static_cast<std::size_t>(std::ceil(0.5 * motion.margin_s[joint] / motion.interval_s));
-    std::vector<double> rest =
-        removeAverage(removeAverage(impulse, std::max<std::size_t>(half, 1)), std::max<std::size_t>(half, 1));
+    const double half = std::ceil(0.5 * motion.margin_s[joint] / motion.interval_s);
+    const std::size_t reach = std::max<std::size_t>(static_cast<std::size_t>(half), 1);
+    std::vector<double> rest = removeAverage(removeAverage(impulse, reach), reach);
     for (double& x : rest) x = std::abs(x);
     // The mean square, with jumps of the torque at reversals, which friction takes up, cut off.
     constexpr double kMedian = 0.6745,

@@ -39,7 +39,7 @@ void take(const FitLayout& layout, const Eigen::VectorXd& step, double share, Fi
     add(layout.delay, values.delay);
     add(layout.lag, values.lag);
     add(layout.mass, values.mass);
-    for (int k = 0; k < 3; ++k) add(layout.moment[static_cast<std::size_t>(k)], values.moment[k]);
+    for (int k = 0; k < 3; ++k) add(layout.moment[k], values.moment[k]);
     for (std::size_t b = 0; b < layout.bodies.size(); ++b) add(layout.bodies[b], values.bodies[b]);
 }
 
@@ -84,15 +84,8 @@ TorqueFit::TorqueFit(const RobotDescription& nominal, const TorqueEquations& equ
     }
 }
 
-double TorqueFit::oldBend(std::size_t i) const {
-    return 1.0 / nominal_.actuation.friction.viscousVelocity[static_cast<int>(i)];
-}
-double TorqueFit::oldSlope(std::size_t i) const {
-    return nominal_.actuation.friction.viscous[static_cast<int>(i)] * oldBend(i);
-}
-
 Averages TorqueFit::average(const TorqueEquation& row, bool withSlope) const {
-    return detail::average(row, values_.friction[static_cast<std::size_t>(row.joint)].bend, values_.lag, withSlope);
+    return detail::average(row, values_.friction[row.joint].bend, values_.lag, withSlope);
 }
 
 // Over a grid of bends: from the best of them Gauss-Newton finds the bottom.
@@ -104,11 +97,11 @@ void TorqueFit::startFriction(std::size_t i, int extra) {
         Eigen::MatrixXd A(count, 2 + extra);
         Eigen::VectorXd y(count);
         for (int r = 0; r < count; ++r) {
-            const TorqueEquation& row = *rows_[i][static_cast<std::size_t>(r)];
+            const TorqueEquation& row = *rows_[i][r];
             const double root = std::sqrt(row.weight);
             A(r, 0) = root * row.sign;
             A(r, 1) = root * row.sign * detail::average(row, bend, 0.0, false).viscous;
-            for (int c = 0; c < extra; ++c) A(r, 2 + c) = root * row.payload[static_cast<std::size_t>(c)];
+            for (int c = 0; c < extra; ++c) A(r, 2 + c) = root * row.payload[c];
             y[r] = root * row.torque;
         }
         const Eigen::VectorXd x = A.colPivHouseholderQr().solve(y);
@@ -149,7 +142,7 @@ FitLayout TorqueFit::makeLayout() const {
 /** What the payload adds. Its second moments m c c' are those of a point, once it is sure that there is a mass. */
 double TorqueFit::calcPayload(const TorqueEquation& row, const FitValues& values) const {
     double torque = values.mass * row.payload[0];
-    for (int k = 0; k < 3; ++k) torque += values.moment[k] * row.payload[static_cast<std::size_t>(1 + k)];
+    for (int k = 0; k < 3; ++k) torque += values.moment[k] * row.payload[1 + k];
     if (isPoint_) torque += 0.5 * values.moment.dot(calcSecond(row, values));
     return torque;
 }
@@ -208,7 +201,8 @@ void TorqueFit::holdFixed() {
         Friction& law = values_.friction[i];
         if (choice.forms[i] == FrictionForm::KnownVelocity || choice.forms[i] == FrictionForm::CoulombOnly)
             law.bend = oldBend(i);
-        if (choice.forms[i] == FrictionForm::CoulombOnly) law.slope = oldSlope(i);
+        if (choice.forms[i] == FrictionForm::CoulombOnly)
+            law.slope = oldFriction().viscous[static_cast<int>(i)] * oldBend(i);
         if (choice.forms[i] == FrictionForm::Line) law.bend = 0.0;
         if (!choice.rotor[i]) values_.rotor[i] = 0.0;
         if (!choice.offset[i]) values_.offset[i] = 0.0;
@@ -219,7 +213,7 @@ void TorqueFit::holdFixed() {
     if (!choice.lag) values_.lag = 0.0;
     if (!choice.mass) values_.mass = 0.0;
     for (int k = 0; k < 3; ++k)
-        if (!choice.moment[static_cast<std::size_t>(k)]) values_.moment[k] = 0.0;
+        if (!choice.moment[k]) values_.moment[k] = 0.0;
 }
 
 void TorqueFit::gaussNewton(const FitLayout& layout) {
@@ -306,8 +300,7 @@ void TorqueFit::calcErrors(int extras,
             regression.add(row->block, weight, entries, residual);
             calcExtras(*row, row->rigid + calcMasses(*row, values_), extra.data());
             for (int e = 0; e < extras; ++e)
-                regression.addExtra(static_cast<int>(i) * extras + e, extra[static_cast<std::size_t>(e)], row->block,
-                                    weight, entries, residual);
+                regression.addExtra(static_cast<int>(i) * extras + e, extra[e], row->block, weight, entries, residual);
         }
     }
     solution_ = regression.solve(true);

@@ -83,10 +83,10 @@ public:
     double calcResidual(const TorqueEquation& row, const Averages& averages) const {
         return calcResidual(row, values_, averages);
     }
-    double oldBend(std::size_t joint) const;
-    double oldSlope(std::size_t joint) const;
+    double oldBend(std::size_t joint) const { return 1.0 / oldFriction().viscousVelocity[static_cast<int>(joint)]; }
 
 private:
+    const JointFriction& oldFriction() const { return nominal_.actuation.friction; }
     double leastVariance(std::size_t joint) const;
     FitLayout makeLayout() const;
     void holdFixed();

@@ -88,7 +88,7 @@ public:
             time_ = column;
             use.use = CsvColumn::Use::Time;
         } else if (unit.quantity == Quantity::Torque) {
-            torques_.push_back({column, std::string(name)});
+            torques_.emplace_back(column, name);
         } else if (unit.quantity != Quantity::Other) {
             if (name.empty())
                 throw badInput(where_, "column " + std::to_string(column + 1) + " has a unit and no name",
@@ -141,15 +141,11 @@ private:
         return std::nullopt;
     }
 
-    struct Torque {
-        std::size_t column;
-        std::string joint;
-    };
     const std::vector<std::string>& header_;
     std::string where_;
     CsvPlan plan_;
     std::optional<std::size_t> time_;
-    std::vector<Torque> torques_;
+    std::vector<std::pair<std::size_t, std::string>> torques_;  // column and joint
 };
 
 /** The columns by the units in their names. */

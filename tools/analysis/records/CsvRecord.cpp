@@ -40,11 +40,10 @@ public:
         while (end == std::string::npos && !atEnd_) {
             buffer_.erase(0, begin_);
             begin_ = 0;
-            if (buffer_.size() > kLongestLine) {
+            if (buffer_.size() > kLongestLine)
                 throw badInput(Line{file_, {}, number_ + 1}.place(),
                                "the line is longer than " + std::to_string(kLongestLine) + " bytes",
                                "Give a CSV file with one sample per line");
-            }
             const std::size_t searched = buffer_.size();
             fill();
             end = buffer_.find('\n', searched);

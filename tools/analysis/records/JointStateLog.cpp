@@ -88,8 +88,7 @@ public:
         }
         if (topics_.empty())
             throw badInput(path_,
-                           "neither a log of viable nor a file with messages of sensor_msgs/JointState; its "
-                           "schemas: " +
+                           "neither a log of viable nor a file with messages of sensor_msgs/JointState; its schemas: " +
                                list(schemaNames_),
                            "Record the topic of the joint states");
         if (topic_.empty() && topics_.size() > 1)

@@ -49,10 +49,7 @@ public:
 private:
     double get(std::size_t row, std::size_t column) const { return band_[column * kBand + (row - column)]; }
     /** Rows of column `j` in the lower triangle end before this. */
-    std::size_t columnEnd(std::size_t j) const {
-        const std::size_t end = kBlock * (j / kBlock + 2);
-        return end < size() ? end : size();
-    }
+    std::size_t columnEnd(std::size_t j) const { return std::min(kBlock * (j / kBlock + 2), size()); }
     /** Columns of row `j` in the lower triangle begin here. */
     static std::size_t rowBegin(std::size_t j) { return j < kBlock ? 0 : kBlock * (j / kBlock - 1); }
 

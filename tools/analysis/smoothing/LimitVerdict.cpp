@@ -93,48 +93,38 @@ std::vector<std::size_t> listJudged(const Walk& walk, std::size_t order, LimitVe
     return judged;
 }
 
-/** Collects where the band lies beyond the limits. */
-class Breaks {
-public:
-    explicit Breaks(LimitVerdict& verdict) : verdict_(verdict) {}
-
-    /** @param half  half width of the band. True: beyond a limit for certain. */
-    bool look(double time_s, double mean, double half) {
-        const double above = mean - verdict_.upper, below = verdict_.lower - mean;
-        const bool isAbove = above > below;
-        const double excess = isAbove ? above : below;
-        if (!(excess > half)) return false;
-        if (verdict_.finding != Finding::Broken || time_s < verdict_.first_s) verdict_.first_s = time_s;
-        verdict_.finding = Finding::Broken;
-        if (excess - half > verdict_.certainExcess) {
-            verdict_.certainExcess = excess - half;
-            verdict_.excess = excess;
-            verdict_.worst_s = time_s;
-            verdict_.side = isAbove ? LimitSide::Upper : LimitSide::Lower;
-        }
-        return true;
+/** Takes down where the band lies beyond the limits. @param half  half width of the band. True: beyond for certain. */
+bool lookForBreak(double time_s, double mean, double half, LimitVerdict& verdict) {
+    const double above = mean - verdict.upper, below = verdict.lower - mean;
+    const bool isAbove = above > below;
+    const double excess = isAbove ? above : below;
+    if (!(excess > half)) return false;
+    if (verdict.finding != Finding::Broken || time_s < verdict.first_s) verdict.first_s = time_s;
+    verdict.finding = Finding::Broken;
+    if (excess - half > verdict.certainExcess) {
+        verdict.certainExcess = excess - half;
+        verdict.excess = excess;
+        verdict.worst_s = time_s;
+        verdict.side = isAbove ? LimitSide::Upper : LimitSide::Lower;
     }
-
-private:
-    LimitVerdict& verdict_;
-};
+    return true;
+}
 
 void findBreaks(const SmoothedMotion& motion, const Walk& walk, std::size_t order, double duration_s,
                 LimitVerdict& verdict) {
     verdict.lowest = kInfinity;
     verdict.highest = -kInfinity;
-    Breaks breaks(verdict);
     double until_s = -kInfinity;  // of the time that counts already
     for (std::size_t i = 0; i < walk.estimates.size(); ++i) {
         const double mean = walk.estimates[i].mean[order];
         verdict.lowest = std::min(verdict.lowest, mean);
         verdict.highest = std::max(verdict.highest, mean);
-        if (breaks.look(walk.times_s[i], mean, verdict.critical * walk.estimates[i].deviation[order]))
+        if (lookForBreak(walk.times_s[i], mean, verdict.critical * walk.estimates[i].deviation[order], verdict))
             verdict.duration_s += walk.steps_s[i];
     }
     double meansDuration_s = 0.0;
     for (const MeanEstimate& m : motion.calcMeans(static_cast<int>(order), duration_s)) {
-        if (!breaks.look(m.begin_s, m.mean, verdict.criticalMean * m.deviation)) continue;
+        if (!lookForBreak(m.begin_s, m.mean, verdict.criticalMean * m.deviation, verdict)) continue;
         meansDuration_s += m.begin_s + m.duration_s - std::max(m.begin_s, until_s);
         until_s = m.begin_s + m.duration_s;
     }
@@ -312,20 +302,6 @@ Finding RecordVerdict::overall() const {
         if (has(which)) return which;
     return Finding::NoLimit;
 }
-
-std::size_t RecordVerdict::segments() const {
-    return std::min(kCurvePoints, std::max<std::size_t>(samples, 2));
-}
-
-double RecordVerdict::segment_s() const {
-    return (end_s - begin_s) / static_cast<double>(segments());
-}
-
-std::size_t RecordVerdict::findSegment(double time_s) const {
-    return std::min(segments() - 1, static_cast<std::size_t>(std::max(0.0, time_s - begin_s) / segment_s()));
-}
-
-Extremes::Extremes(std::size_t n) : least(n, kInfinity), largest(n, -kInfinity) {}
 
 void Extremes::add(std::size_t i, double x) {
     if (std::isnan(x)) return;

@@ -48,7 +48,7 @@ struct LimitVerdict {
 struct Extremes {
     std::vector<double> least, largest;
     Extremes() = default;
-    explicit Extremes(std::size_t n);
+    explicit Extremes(std::size_t n) : least(n, kInfinity), largest(n, -kInfinity) {}
     void add(std::size_t i, double x);
 };
 
@@ -98,9 +98,13 @@ struct RecordVerdict {
     /** The worst of all: broken, else cannot_tell, else held; no_limit where there is no limit at all. */
     Finding overall() const;
 
-    std::size_t segments() const;                  ///< of the curves
-    double segment_s() const;                      ///< length of each
-    std::size_t findSegment(double time_s) const;  ///< that a time lies in
+    /** Of the curves, and how long each is. */
+    std::size_t segments() const { return std::min(kCurvePoints, std::max<std::size_t>(samples, 2)); }
+    double segment_s() const { return (end_s - begin_s) / static_cast<double>(segments()); }
+    /** That a time lies in. */
+    std::size_t findSegment(double time_s) const {
+        return std::min(segments() - 1, static_cast<std::size_t>(std::max(0.0, time_s - begin_s) / segment_s()));
+    }
 };
 
 /** Judges every joint of a record by its readings alone.

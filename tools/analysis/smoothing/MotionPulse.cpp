@@ -31,10 +31,6 @@ double integrateStep(double t, double rise_s, int times) {
 
 }  // namespace
 
-double MotionPulse::reach_s() const {
-    return 0.5 * duration_s + rise_s;
-}
-
 double MotionPulse::calcPosition(double time_s) const {
     const double rise = middle_s - 0.5 * duration_s - rise_s, fall = middle_s + 0.5 * duration_s;
     return height * (integrateStep(time_s - rise, rise_s, order) - integrateStep(time_s - fall, rise_s, order));

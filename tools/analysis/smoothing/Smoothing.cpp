@@ -46,12 +46,6 @@ SmoothedMotion::~SmoothedMotion() = default;
 SmoothedMotion::SmoothedMotion(SmoothedMotion&&) noexcept = default;
 SmoothedMotion& SmoothedMotion::operator=(SmoothedMotion&&) noexcept = default;
 
-double SmoothedMotion::begin_s() const {
-    return impl_->fit->segments().front().begin_s;
-}
-double SmoothedMotion::end_s() const {
-    return impl_->fit->segments().back().end_s;
-}
 double SmoothedMotion::noise() const {
     return std::sqrt(impl_->fit->variance());
 }

@@ -41,7 +41,7 @@ struct MotionPulse {
     double rise_s = 0.0;  ///< at order 3 it may be 0: jerk may jump
     double height = 0.0;
 
-    double reach_s() const;  ///< it begins and ends so far from the middle
+    double reach_s() const { return 0.5 * duration_s + rise_s; }  ///< it begins and ends so far from the middle
     /** What it adds to the position; behind it lower derivatives stay changed. */
     double calcPosition(double time_s) const;
 };
@@ -53,8 +53,8 @@ public:
     SmoothedMotion(SmoothedMotion&&) noexcept;
     SmoothedMotion& operator=(SmoothedMotion&&) noexcept;
 
-    double begin_s() const;
-    double end_s() const;
+    double begin_s() const { return segments().front().first; }
+    double end_s() const { return segments().back().second; }
     double noise() const;     ///< standard deviation of a reading, rounding included [rad, m]
     double quantum() const;   ///< step that the readings are rounded to, 0: none was found [rad, m]
     double window_s() const;  ///< motion that is quicker than this is smoothed away

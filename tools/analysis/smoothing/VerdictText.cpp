@@ -13,9 +13,8 @@ using nlohmann::json;
 
 constexpr const char* kQuantities[kMotionOrders] = {"position", "velocity", "acceleration", "jerk"};
 
-std::string getUnit(bool isPrismatic, std::size_t order) {
-    static const char* const kPerTime[kMotionOrders] = {"", "/s", "/s^2", "/s^3"};
-    return std::string(isPrismatic ? "m" : "rad") + kPerTime[order];
+const char* getUnit(bool isPrismatic, std::size_t order) {
+    return viable::getUnit(static_cast<LimitKind>(order + 1), isPrismatic);
 }
 
 /** Of an excess, as share of the limit; empty where that means nothing. */
@@ -37,14 +36,12 @@ std::string writeReason(const LimitVerdict& limit, std::size_t order, const std:
     return "only " + writeVisible(limit, order, unit);
 }
 
-std::string writeRange(const LimitVerdict& limit) {
-    if (limit.finding == Finding::NoLimit) return "";
-    return ", limits " + formatPlain(limit.lower) + " .. " + formatPlain(limit.upper);
-}
-
 std::string writeLimit(const LimitVerdict& limit, std::size_t order, const std::string& unit) {
     const std::string seen = formatPlain(limit.lowest) + " .. " + formatPlain(limit.highest) + " " + unit + ", +- " +
-                             formatPlain(limit.critical * limit.deviation) + writeRange(limit);
+                             formatPlain(limit.critical * limit.deviation) +
+                             (limit.finding == Finding::NoLimit
+                                  ? std::string()
+                                  : ", limits " + formatPlain(limit.lower) + " .. " + formatPlain(limit.upper));
     switch (limit.finding) {
         case Finding::NoLimit:
             return "no limit     " + seen;

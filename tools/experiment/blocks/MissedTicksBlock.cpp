@@ -4,7 +4,6 @@
 
 #include "core/ErrorList.h"
 #include "experiment/ResolvedNodes.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

@@ -3,10 +3,8 @@
 #include <algorithm>
 
 #include "core/ErrorList.h"
-#include "experiment/ExperimentKeys.h"
 #include "experiment/ResolvedNodes.h"
 #include "host/PythonClass.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 
@@ -27,12 +25,10 @@ Parameters readPythonParameters(ConfigNode block, const std::string& plugin, int
         } else if (value.kind != ConfigNode::Kind::List) {
             if (value.kind == ConfigNode::Kind::Scalar) refuseBlank(value);
             specs.push_back({name, "", ParameterType::Text, nullptr, ""});
-        } else if (!value.items.empty() && value.items.front().kind == ConfigNode::Kind::List) {
-            specs.push_back(
-                ParameterSpec{name, "", ParameterType::Rows, nullptr, ""}.count(0, kMaxConfigNodes).orInfinite());
         } else {
-            specs.push_back(
-                ParameterSpec{name, "", ParameterType::Numbers, nullptr, ""}.count(0, kMaxConfigNodes).orInfinite());
+            const bool hasRows = !value.items.empty() && value.items.front().kind == ConfigNode::Kind::List;
+            const ParameterType type = hasRows ? ParameterType::Rows : ParameterType::Numbers;
+            specs.push_back(ParameterSpec{name, "", type, nullptr, ""}.count(0, kMaxConfigNodes).orInfinite());
         }
     }
     return readParameters(block, specs.data(), specs.size(), joints);

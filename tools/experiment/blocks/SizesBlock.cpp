@@ -4,7 +4,6 @@
 #include "config/ParameterText.h"
 #include "core/ErrorList.h"
 #include "core/Text.h"
-#include "viable/core/Error.h"
 
 namespace viable::detail {
 

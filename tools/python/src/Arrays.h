@@ -33,9 +33,8 @@ py::array makeArray(const JointVector& v);
 template <class Matrix>
 py::array makeMatrix(const Matrix& m) {
     py::array_t<double> array({m.rows(), m.cols()});
-    auto to = array.template mutable_unchecked<2>();
-    for (Eigen::Index i = 0; i < m.rows(); ++i)
-        for (Eigen::Index j = 0; j < m.cols(); ++j) to(i, j) = m(i, j);
+    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    Eigen::Map<Rows>(array.mutable_data(), m.rows(), m.cols()) = m;
     return array;
 }
 

@@ -22,9 +22,7 @@ const char* getName(GuardStop reason) {
 
 std::vector<std::string> listActing(const std::array<JointIntervention, kMaxJoints>& acting, int n) {
     std::vector<std::string> words;
-    for (int i = 0; i < n; ++i)
-        words.emplace_back(
-            viable::getName(acting[static_cast<std::size_t>(i)].limit, acting[static_cast<std::size_t>(i)].side));
+    for (int i = 0; i < n; ++i) words.emplace_back(viable::getName(acting[i].limit, acting[i].side));
     return words;
 }
 

@@ -3,15 +3,8 @@
 from __future__ import annotations
 
 #: By the exit code of the program.
-KINDS = {
-    2: "bad_input",
-    3: "guarantee_broken",
-    4: "plugin_failed",
-    5: "log_not_written",
-    6: "tracking_lost",
-    70: "internal",
-    71: "out_of_memory",
-}
+KINDS = {2: "bad_input", 3: "guarantee_broken", 4: "plugin_failed", 5: "log_not_written", 6: "tracking_lost", 70: "internal",
+         71: "out_of_memory"}
 
 
 class Error(RuntimeError):

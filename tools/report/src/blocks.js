@@ -17,8 +17,7 @@ export class DataError extends Error {}
 /** Reads the data scripts. @returns {Promise<Blocks>} */
 export async function readBlocks() {
   const json = readJson(takeText('viable-data'));
-  const buffer = await unpack(takeText('viable-binary'));
-  return { json, array: (reference, where, length = null) => arrayOf(buffer, reference, where, length) };
+  return unpackBlocks({ ...json, binary: takeText('viable-binary') });
 }
 
 /** The same of data that came otherwise: the JSON with the text of the binary block in it. @returns {Promise<Blocks>} */
@@ -32,14 +31,8 @@ function arrayOf(buffer, reference, where, length) {
   const Type = ELEMENT[type];
   if (!Type) throw new DataError(`${where}: unknown element type ${type}.`);
   const size = Type.BYTES_PER_ELEMENT;
-  if (!(
-    Number.isInteger(at) &&
-    Number.isInteger(n) &&
-    at >= 0 &&
-    n >= 0 &&
-    at % size === 0 &&
-    at + n * size <= buffer.byteLength
-  ))
+  const isWithin = [at, n].every((value) => Number.isInteger(value) && value >= 0) && at + n * size <= buffer.byteLength;
+  if (!isWithin || at % size !== 0)
     throw new DataError(`${where}: ${n} values at byte ${at} are not within the ${buffer.byteLength} bytes of the data.`);
   if (length !== null && n !== length) throw new DataError(`${where}: ${n} values, expected ${length}.`);
   return new Type(buffer, at, n);
@@ -50,15 +43,13 @@ function takeText(id) {
   const script = document.getElementById(id);
   const text = script ? script.textContent.trim() : '';
   if (text === '' || text.startsWith('@@'))
-    throw new DataError(
-      `This page holds no data: its ${id} is empty. ` + 'It is a template; the program writes the report.',
-    );
+    throw new DataError(`This page holds no data: its ${id} is empty. It is a template; the program writes the report.`);
   script.textContent = '';
   return text;
 }
 
 function readJson(text) {
-  let json;
+  let json = null;
   try {
     json = JSON.parse(text);
   } catch (error) {
@@ -72,8 +63,7 @@ function readJson(text) {
 async function unpack(text) {
   if (typeof DecompressionStream === 'undefined')
     throw new DataError(
-      'This browser cannot unpack the data ' +
-        '(it has no DecompressionStream). Any browser of 2023 or later can.',
+      'This browser cannot unpack the data (it has no DecompressionStream). Any browser of 2023 or later can.',
     );
   try {
     const clean = text.replace(/\s+/g, '');

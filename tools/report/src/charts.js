@@ -2,7 +2,7 @@
 import { duration, span } from './format.js';
 import { bandOf } from './quantities.js';
 import { caseColour, caseDash, colours } from './theme.js';
-import { drawLaneName } from './timeline.js';
+import { Lanes } from './timeline.js';
 import { band, isDense, same, takeTurns, trace, widen } from './traces.js';
 
 const LABEL_HEIGHT = 14; // of the text at a limit
@@ -80,10 +80,7 @@ export class LineChart {
   *#limitsOf(c) {
     const { limit, realLimit, bound, trip, isError, inThousandths } = this.quantity;
     const read = (key) => (inThousandths ? c.thousandths(this.joint, key) : c.samples(this.joint, key));
-    for (const [side, sign] of [
-      ['lower', -1],
-      ['upper', 1],
-    ]) {
+    for (const [side, sign] of [['lower', -1], ['upper', 1]]) {
       if (limit) yield { side, value: read(`${limit}_${side}`), kind: 'limit' };
       if (realLimit) yield { side, value: c.samples(this.joint, `${realLimit}_${side}`), kind: 'real' };
       const reach = isError ? c.thousandths(this.joint, bound) : null;
@@ -121,11 +118,8 @@ export class LineChart {
         perCase.set(c, range);
         if (!this.#ways.has(c)) this.#ways.set(c, way);
       }
-    const data = [Infinity, -Infinity];
-    for (const [low, high] of perCase.values()) {
-      data[0] = Math.min(data[0], low);
-      data[1] = Math.max(data[1], high);
-    }
+    const ranges = [...perCase.values()];
+    const data = [Math.min(...ranges.map(([low]) => low)), Math.max(...ranges.map(([, high]) => high))];
     const limits = [Infinity, -Infinity];
     for (const { value } of this.#limitLines()) {
       if (typeof value !== 'number') widen(limits, value, min, max);
@@ -191,21 +185,16 @@ export class LineChart {
     const isCalm = ({ c }) => ((this.#ways.get(c) ?? 0) / this.#extent) * frame.height < 8 * frame.width;
     const lines = this.#lines();
     const inTurns = lines.filter(({ c, kind }) => kind === this.#kinds[0] && c.index !== this.state.focus);
-    const parts = takeTurns(
-      inTurns.map(({ samples }) => samples),
-      frame,
-    );
+    const parts = takeTurns(inTurns.map(({ samples }) => samples), frame);
     for (const line of lines) {
       const turn = inTurns.indexOf(line);
-      const draw = () => this.#drawLine(painter, frame, line, isCalm(line), palette);
-      if (turn < 0 || parts[turn].length === 1) draw();
+      const draw = (part) => this.#drawLine(painter, part, line, isCalm(line), palette);
+      if (turn < 0 || parts[turn].length === 1) draw(frame);
       else
         for (const [from, to] of parts[turn]) {
           const x = frame.toX(from);
           const part = { ...frame, xMin: Math.max(from, frame.xMin), xMax: Math.min(to, frame.xMax) };
-          painter.clip(x, frame.top, frame.toX(to) - x, frame.height, () =>
-            this.#drawLine(painter, part, line, isCalm(line), palette),
-          );
+          painter.clip(x, frame.top, frame.toX(to) - x, frame.height, () => draw(part));
         }
     }
   }
@@ -332,23 +321,17 @@ export const TIMES = [
 ];
 
 /** How often one of a tick's TIMES was how long: a row of bars per case, on a logarithmic scale as high as wide. */
-export class HistogramChart {
-  unit = '';
+export class HistogramChart extends Lanes {
   hint = 'height: ticks, logarithmic';
-  beyond = [];
-  isLanes = true;
-
   #of;
 
   constructor(state, { id, title, description, of }) {
-    this.state = state;
+    super(state);
     this.description = description;
     this.id = id;
     this.title = title;
     this.#of = of;
   }
-
-  invalidate() {}
 
   get height() {
     const { length } = this.state.cases;
@@ -380,45 +363,25 @@ export class HistogramChart {
     return this.state.run.cases.every((c) => !this.#of(c).counts.some((count) => count > 0));
   }
 
-  range() {
-    return [0, 1];
-  }
-
   draw(painter, frame, palette = colours, sparse = false) {
     const { cases } = this.state;
     const most = Math.max(1, ...cases.flatMap((c) => this.#of(c).counts));
-    const height = frame.height / Math.max(1, cases.length);
-    cases.forEach((c, lane) => {
-      const top = frame.top + lane * height;
-      const floor = top + height - 1;
-      drawLaneName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
-      painter.clip(frame.left, top, frame.width, height, () => {
-        const { edges_us: edges, counts } = this.#of(c);
-        const x = (i) => frame.toX(Math.max(edges[i], frame.xMin * 1e-3));
-        counts.forEach((count, i) => {
-          const size = (Math.log10(2 * count) / Math.log10(2 * most)) * (height - 4);
-          if (count > 0)
-            painter.rect(
-              x(i) + 0.5,
-              floor - size,
-              Math.max(1, x(i + 1) - x(i) - 1),
-              size,
-              caseColour(c.index, palette),
-            );
-        });
+    this.drawLanes(painter, frame, palette, sparse, (c, top, height) => {
+      const { edges_us: edges, counts } = this.#of(c);
+      const x = (i) => frame.toX(Math.max(edges[i], frame.xMin * 1e-3));
+      const colour = caseColour(c.index, palette);
+      counts.forEach((count, i) => {
+        if (count === 0) return;
+        const size = (Math.log10(2 * count) / Math.log10(2 * most)) * (height - 4);
+        painter.rect(x(i) + 0.5, top + height - 1 - size, Math.max(1, x(i + 1) - x(i) - 1), size, colour);
       });
-      painter.rect(frame.left, floor, frame.width, 1, palette.line);
     });
+    const height = frame.height / Math.max(1, cases.length);
     const period = frame.toX(this.#period);
-    painter.line(
-      (sink) => {
-        sink.moveTo(period, frame.top);
-        sink.lineTo(period, frame.top + frame.height);
-      },
-      { colour: palette.limit, width: 1.2, dash: [5, 4] },
-    );
+    const style = { colour: palette.limit, ...LIMIT_STYLES.limit };
+    painter.segment(period, frame.top, period, frame.top + frame.height, style);
     cases.forEach((c, lane) => {
-      const late = this.#late(c);
+      const { late } = this.#of(c);
       const text = `${late || 'none'} over ${duration(this.#period)}`;
       const isRight = period < frame.left + frame.width - painter.textWidth(text, 10) - 8;
       painter.text(text, isRight ? period + 5 : period - 5, frame.top + lane * height + 9, {
@@ -430,8 +393,8 @@ export class HistogramChart {
     });
   }
 
-  #late(c) {
-    return this.#of(c).late;
+  drawEdge(painter, frame, palette, top, height) {
+    painter.rect(frame.left, top + height - 1, frame.width, 1, palette.line);
   }
 
   /** Per shown case the number of ticks in the class of a tick time. */
@@ -439,10 +402,7 @@ export class HistogramChart {
     return this.state.cases.map((c) => {
       const { edges_us: edges, counts } = this.#of(c);
       const i = edges.findIndex((edge, k) => edge <= time && time < edges[k + 1]);
-      return {
-        c,
-        values: [i < 0 ? '0' : `${counts[i]} at ${duration(edges[i])} to ${duration(edges[i + 1])}`],
-      };
+      return { c, values: [i < 0 ? '0' : `${counts[i]} at ${duration(edges[i])} to ${duration(edges[i + 1])}`] };
     });
   }
 

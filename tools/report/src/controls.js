@@ -41,9 +41,7 @@ function jointChoice(state) {
   const options = joints.map(({ name }, j) => [j, name]);
   if (joints.length > 1) options.push([ALL_JOINTS, 'all joints']);
   const select = choice({ 'aria-label': 'Joint', title: 'Joint (j, k)' }, options, state.joint, (value) => state.setJoint(Number(value)));
-  state.on('joint', () => {
-    select.value = String(state.joint);
-  });
+  state.on('joint', () => (select.value = String(state.joint)));
   return el('label', { class: 'joint-choice' }, 'Joint ', select);
 }
 
@@ -78,28 +76,22 @@ function takeChoice(state) {
     state.setTime(from_s);
   };
   if (takes.length > TAKE_BUTTONS) {
-    const forget = () => {
-      select.value = ''; // the same one again is a choice, too
-    };
+    const forget = () => (select.value = ''); // the same one again is a choice, too
     const options = [['', 'Takes'], ...takes.map((take, i) => [i, `${name(take)}, ${times(take)}`])];
     const select = choice({ 'aria-label': 'Take', onpointerdown: forget, onblur: forget }, options, null, (value) => value !== '' && go(takes[Number(value)]));
     return [select];
   }
-  const buttons = takes.map((take) =>
-    button({ text: name(take), title: `Show ${times(take)}`, onclick: () => go(take) }),
-  );
-  return [el('span', { class: 'buttons', role: 'group', 'aria-label': 'Takes' }, ...buttons)];
+  const show = (take) => button({ text: name(take), title: `Show ${times(take)}`, onclick: () => go(take) });
+  return [el('span', { class: 'buttons', role: 'group', 'aria-label': 'Takes' }, ...takes.map(show))];
 }
 
 function figureButtons(state) {
-  const save = (format) =>
-    button({
-      class: 'quiet',
-      text: format.toUpperCase(),
-      'aria-label': `Figure as ${format.toUpperCase()}`,
-      title: `Save position, velocity, acceleration and jerk in view, below each other, as ${format.toUpperCase()}`,
-      onclick: () => saveFigure(state, { charts: limitCharts(state, state.joint), view: state.view }, format),
-    });
+  const save = (format) => {
+    const name = format.toUpperCase();
+    const title = `Save position, velocity, acceleration and jerk in view, below each other, as ${name}`;
+    const onclick = () => saveFigure(state, { charts: limitCharts(state, state.joint), view: state.view }, format);
+    return button({ class: 'quiet', text: name, 'aria-label': `Figure as ${name}`, title, onclick });
+  };
   return el('span', { class: 'figure tools' }, 'Figure', save('png'), save('svg'));
 }
 

@@ -83,14 +83,7 @@
 import { DataError, need, needArray, readBlocks } from './blocks.js';
 
 let limitNames = []; // of the run's bits
-export const STATUS = [
-  'passed',
-  'modified',
-  'stopped by plan',
-  'recovering',
-  'no admissible choice',
-  'invalid or faulted',
-];
+export const STATUS = ['passed', 'modified', 'stopped by plan', 'recovering', 'no admissible choice', 'invalid or faulted'];
 
 /** What a verification judges, in the order of derivatives. */
 export const JUDGED = ['position', 'velocity', 'acceleration', 'jerk'];
@@ -106,6 +99,9 @@ export const limitsIn = (bits) => limitNames.filter((_, i) => bits & (1 << i));
  * @typedef {{x0: number, dx: number, y: Float32Array, pairs: boolean}} Samples
  */
 
+/** @returns {Samples} of buckets with least and largest value */
+const pairsOf = (t0, step, y) => ({ x0: t0 + 0.25 * step, dx: 0.5 * step, y, pairs: true });
+
 /** Reads the two data scripts of the page. */
 export async function loadRun() {
   return new Run(await readBlocks());
@@ -119,11 +115,8 @@ export class Run {
     limitNames = needArray(json.limits, 'limits').map(String);
     for (const key of ['title', 'version', 'created', 'file', 'yaml']) this[key] = String(json[key] ?? '');
     this.robot = need(json.robot, 'robot').name;
-    this.joints = needArray(json.robot.joints, 'robot.joints').map(({ name, kind }) => ({
-      name: String(name),
-      kind,
-      linear: kind === 'prismatic',
-    }));
+    const readJoint = ({ name, kind }) => ({ name: String(name), linear: kind === 'prismatic' });
+    this.joints = needArray(json.robot.joints, 'robot.joints').map(readJoint);
     this.summary = json.summary ?? { columns: [], rows: [], note: '' };
     this.scene = json.scene ?? null;
     this.environments = json.environments ? needArray(json.environments, 'environments') : [];
@@ -208,12 +201,10 @@ export class Case {
     else if (reference) {
       const where = `cases[${this.index}].joints[${joint}].series.${key}`;
       const y = this.#run.array(reference, where);
-      if (y.length !== this.buckets && y.length !== 2 * this.buckets)
-        throw new DataError(`${where}: ${y.length} values for ${this.buckets} buckets.`);
       const pairs = y.length !== this.buckets;
-      samples = pairs
-        ? { x0: this.t0 + 0.25 * this.step, dx: 0.5 * this.step, y, pairs }
-        : { x0: this.t0, dx: this.step, y, pairs };
+      if (pairs && y.length !== 2 * this.buckets)
+        throw new DataError(`${where}: ${y.length} values for ${this.buckets} buckets.`);
+      samples = pairs ? pairsOf(this.t0, this.step, y) : { x0: this.t0, dx: this.step, y, pairs };
     }
     this.#cache.set(id, samples);
     return samples;
@@ -322,12 +313,7 @@ function readVerification(run, json, where) {
 
 function readCurves(run, { t0, step_s: step, n, ...quantities }, where) {
   if (!(step > 0)) throw new DataError(`${where}: step_s must be positive.`);
-  const samples = (reference, name) => ({
-    x0: t0 + 0.25 * step,
-    dx: 0.5 * step,
-    y: run.array(reference, `${where}.${name}`, 2 * n),
-    pairs: true,
-  });
+  const samples = (reference, name) => pairsOf(t0, step, run.array(reference, `${where}.${name}`, 2 * n));
   const curves = JUDGED.map((quantity) => {
     const read = need(quantities[quantity], `${where}.${quantity}`);
     const kinds = ['raw', 'mean', 'band'].map((kind) => [kind, samples(read[kind], `${quantity}.${kind}`)]);

@@ -76,6 +76,34 @@ export function choice(properties, options, chosen, onchoose) {
 export const table = (properties, heads, rows) =>
   el('table', properties, el('thead', {}, el('tr', {}, ...heads)), el('tbody', {}, ...rows));
 
+/** What a page shows, and where that comes from. */
+export const titles = (title, origin) =>
+  el(
+    'div',
+    { class: 'titles' },
+    el('h1', { text: title }),
+    el('p', { class: 'origin' }, ...origin.filter(Boolean).map((text) => el('span', { text }))),
+  );
+
+/** The list of the cases' verdicts. */
+export const verdicts = (columns, items) =>
+  el('ul', { class: 'verdicts', 'aria-label': 'Verdict per case', style: { '--columns': columns } }, ...items);
+
+/** The verdict of a case: `kind` is ok, warn or bad, `said` an element; `more` stands below. */
+export const verdictItem = (kind, c, said, ...more) =>
+  el(
+    'li',
+    { class: `verdict ${kind}` },
+    el('div', { class: 'verdict-case' }, swatch(c.index), el('strong', { text: c.name })),
+    el(
+      'div',
+      { class: 'verdict-text' },
+      el('span', { class: 'mark', 'aria-hidden': 'true', text: { ok: '✓', bad: '✗', warn: '!' }[kind] }),
+      said,
+    ),
+    ...more,
+  );
+
 /** Buttons that show and hide cases, as `shown()` says; `more` has what a button has besides. */
 export function caseToggles(state, cases, event, shown, more = () => ({}), mark = () => null) {
   const buttons = cases.map((c, i) =>

@@ -57,9 +57,8 @@ export function limitCharts(state, joint, ids = null) {
  */
 export async function figureText(state, options = {}) {
   const { run } = state;
-  const shown = run.cases.map((c) => options.cases?.includes(c.name) ?? true);
   const own = Object.create(state, {
-    shown: { value: shown },
+    shown: { value: run.cases.map((c) => options.cases?.includes(c.name) ?? true) },
     focus: { value: null },
     hiddenKinds: { value: new Set([...state.hiddenKinds, ...(options.hidden ?? [])]) },
     fitted: { value: new Set(options.fitted) },
@@ -108,22 +107,21 @@ function drawFigure(painter, state, { charts, view, width = WIDTH, title = null 
   rows.forEach((row, i) => {
     const y = HEAD + (i + 0.5) * ROW;
     for (const { name, colour, dash, isLine, alpha = 1, x } of row) {
-      if (isLine) painter.line((sink) => (sink.moveTo(x, y), sink.lineTo(x + 22, y)), { colour, dash, alpha, width: 2.2 });
+      if (isLine) painter.segment(x, y, x + 22, y, { colour, dash, alpha, width: 2.2 });
       else painter.rect(x + 5, y - 4, 12, 8, colour, alpha);
       painter.text(name, x + 28, y, { colour: palette.text });
     }
   });
   plots.forEach(({ chart, top, height: own }, i) => {
     if (charts.length > 1) painter.text(titleOf(chart), MARGIN.left, top - 9, { colour: palette.text, weight: 600 });
-    drawPlot(painter, chart, { left: MARGIN.left, top, width: width - MARGIN.left - MARGIN.right, height: own }, view, {
-      isLast: i === plots.length - 1,
-    });
+    const place = { left: MARGIN.left, top, width: width - MARGIN.left - MARGIN.right, height: own };
+    drawPlot(painter, chart, place, view, i === plots.length - 1);
   });
 }
 
 const titleOf = ({ title, unit }) => `${title}${unit ? ` [${unit}]` : ''}`;
 
-function drawPlot(painter, chart, place, view, { isLast }) {
+function drawPlot(painter, chart, place, view, isLast) {
   const palette = printColours;
   const [yMin, yMax] = chart.range(view);
   const logarithmic = Boolean(chart.domain);
@@ -139,32 +137,24 @@ function drawPlot(painter, chart, place, view, { isLast }) {
   };
   const bottom = frame.top + frame.height;
   const x = logarithmic ? { values: powers(view.min, view.max) } : ticks(view.min, view.max, 9);
+  const below = { colour: palette.muted, align: 'center' };
   for (const value of x.values) {
     painter.rect(frame.toX(value) - 0.5, frame.top, 1, frame.height, palette.grid);
-    if (isLast)
-      painter.text(logarithmic ? duration(value) : tick(value, x.increment), frame.toX(value), bottom + 13, {
-        colour: palette.muted,
-        align: 'center',
-      });
+    const text = logarithmic ? duration(value) : tick(value, x.increment);
+    if (isLast) painter.text(text, frame.toX(value), bottom + 13, below);
   }
   if (!chart.isLanes) {
     const y = ticks(yMin, yMax, frame.height / 30);
+    const beside = { colour: palette.muted, align: 'right' };
     for (const value of y.values) {
       painter.rect(frame.left, frame.toY(value) - 0.5, frame.width, 1, palette.grid);
-      painter.text(tick(value, y.increment), frame.left - 7, frame.toY(value), {
-        colour: palette.muted,
-        align: 'right',
-      });
+      painter.text(tick(value, y.increment), frame.left - 7, frame.toY(value), beside);
     }
   }
   chart.draw(painter, frame, palette);
   painter.rect(frame.left - 0.5, frame.top, 1, frame.height, palette.line);
   painter.rect(frame.left, bottom - 0.5, frame.width, 1, palette.line);
-  if (isLast)
-    painter.text(logarithmic ? 'tick time' : 'time [s]', frame.left + frame.width / 2, bottom + 29, {
-      colour: palette.muted,
-      align: 'center',
-    });
+  if (isLast) painter.text(logarithmic ? 'tick time' : 'time [s]', frame.left + frame.width / 2, bottom + 29, below);
 }
 
 /** The cases, or for the acting limits what their colours mean. */

@@ -82,5 +82,8 @@ export function powers(min, max, onlyPowers = false) {
 
 export const inNewtons = (force) => `${number(force, 3)} N`;
 
+/** When something was made, of its ISO 8601 text. */
+export const moment = (text) => text.replace('T', ' ').replace(/Z$/, ' UTC');
+
 /** A time with three decimals. */
 export const seconds = (time) => fixed(time, 3);

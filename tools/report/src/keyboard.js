@@ -30,31 +30,17 @@ const FINGERS = [
 
 /** Fills the list of keys; returns what opens it. */
 export function createHelp(dialog) {
-  const list = (rows, tag) =>
-    el(
-      'dl',
-      {},
-      ...rows.flatMap(([key, text]) => [
-        el(
-          'dt',
-          {},
-          ...(tag === 'kbd' ? key.split(' ').map((part) => (part === '…' ? ' … ' : el('kbd', { text: part }))) : [key]),
-        ),
-        el('dd', { text }),
-      ]),
-    );
+  const keysOf = (text) => text.split(' ').map((part) => (part === '…' ? ' … ' : el('kbd', { text: part })));
+  const list = (rows, show = (text) => [text]) =>
+    el('dl', {}, ...rows.flatMap(([key, text]) => [el('dt', {}, ...show(key)), el('dd', { text })]));
   dialog.append(
     el('h2', { text: 'Keys' }),
-    list(HELP, 'kbd'),
+    list(HELP, keysOf),
     el('h2', { text: 'Mouse' }),
-    list(POINTER, 'span'),
+    list(POINTER),
     el('h2', { text: 'Fingers' }),
-    list(FINGERS, 'span'),
-    el(
-      'form',
-      { method: 'dialog' },
-      button({ class: 'chip', text: 'Close', onclick: () => dialog.close() }),
-    ),
+    list(FINGERS),
+    el('form', { method: 'dialog' }, button({ class: 'chip', text: 'Close', onclick: () => dialog.close() })),
   );
   dialog.addEventListener('click', (event) => {
     if (event.target === dialog) dialog.close();

@@ -14,8 +14,24 @@ export function textWidth(text, size = 11, weight = 400) {
   return ruler.measureText(text).width;
 }
 
-export class CanvasPainter {
+/** What can be drawn by what an heir draws. */
+class Painter {
+  /** Draws a straight line; the style is that of line(). */
+  segment(x1, y1, x2, y2, style) {
+    this.line((sink) => {
+      sink.moveTo(x1, y1);
+      sink.lineTo(x2, y2);
+    }, style);
+  }
+
+  textWidth(text, size = 11, weight = 400) {
+    return textWidth(text, size, weight);
+  }
+}
+
+export class CanvasPainter extends Painter {
   constructor(context) {
+    super();
     this.context = context;
   }
 
@@ -76,19 +92,16 @@ export class CanvasPainter {
     context.fillStyle = colour;
     context.fillText(text, x, y);
   }
-
-  textWidth(text, size = 11, weight = 400) {
-    return textWidth(text, size, weight);
-  }
 }
 
-export class SvgPainter {
+export class SvgPainter extends Painter {
   #parts = [];
   #clips = 0;
   #prefix;
 
   /** @param {string} prefix of the names in the drawing, unlike those of others in the same page */
   constructor(prefix) {
+    super();
     this.#prefix = prefix;
   }
 
@@ -132,10 +145,6 @@ export class SvgPainter {
         `${halo ? ` stroke="${halo}" stroke-width="3" stroke-linejoin="round" paint-order="stroke"` : ''}` +
         ` text-anchor="${anchor}">${escapeXml(text)}</text>`,
     );
-  }
-
-  textWidth(text, size = 11, weight = 400) {
-    return textWidth(text, size, weight);
   }
 
   toString(width, height) {

@@ -53,12 +53,9 @@ export class Panel {
   }
 
   #saveButton(format) {
-    return button({
-      class: 'quiet',
-      text: format.toUpperCase(),
-      title: `Save what is in view as ${format.toUpperCase()}, in light colours`,
-      onclick: () => saveFigure(this.state, { charts: [this.chart], view: this.#domain() }, format),
-    });
+    const name = format.toUpperCase();
+    const onclick = () => saveFigure(this.state, { charts: [this.chart], view: this.#domain() }, format);
+    return button({ class: 'quiet', text: name, title: `Save what is in view as ${name}, in light colours`, onclick });
   }
 
   /** The cases that it shows: the chart's own, else those that are shown everywhere. */
@@ -183,11 +180,7 @@ export class Panel {
           sync: shared
             ? { key: SYNC, setSeries: false, scales: ['x', null], filters: { sub: () => this.#visible } }
             : undefined,
-          bind: {
-            dblclick: () => () => {
-              if (shared) this.state.resetView();
-            },
-          },
+          bind: { dblclick: () => () => shared && this.state.resetView() },
         },
         hooks: {
           draw: [(plot) => this.#draw(plot)],
@@ -195,10 +188,7 @@ export class Panel {
           setCursor: [(plot) => this.#hover(plot)],
         },
       },
-      [
-        [1, 2],
-        [1, 1],
-      ],
+      [[1, 2], [1, 1]],
       this.host,
     ); // the data is the chart's own; uPlot does axes, cursor and zoom
     this.#listen(this.#plot.over);
@@ -208,17 +198,13 @@ export class Panel {
   }
 
   #listen(over) {
-    over.addEventListener('mouseenter', () => {
-      this.#pointerInside = true;
-    });
+    over.addEventListener('mouseenter', () => (this.#pointerInside = true));
     over.addEventListener('mouseleave', () => {
       this.#pointerInside = false;
       if (this.shared) this.state.setHover(null);
       else this.updateReadout();
     });
-    over.addEventListener('mousedown', (event) => {
-      this.#pressedAt = event.clientX;
-    });
+    over.addEventListener('mousedown', (event) => (this.#pressedAt = event.clientX));
     over.addEventListener('click', (event) => {
       if (event.pointerType === 'touch') this.state.setHover(null); // a finger does not hover
       if (!this.shared || Math.abs(event.clientX - this.#pressedAt) > 3) return;
@@ -242,18 +228,12 @@ export class Panel {
 
   #yRange() {
     const range = this.chart.range(this.#domain());
-    this.note.replaceChildren(
-      ...this.chart.beyond
-        .slice(0, 3)
-        .map(([c, [low, high]]) =>
-          el(
-            'span',
-            { title: `${c.name} leaves the plot; the button "y" fits the axis to it` },
-            swatch(c.index),
-            `${c.name} reaches ${number(range[0] - low > high - range[1] ? low : high, 3)}`,
-          ),
-        ),
-    );
+    const notes = this.chart.beyond.slice(0, 3).map(([c, [low, high]]) => {
+      const title = `${c.name} leaves the plot; the button "y" fits the axis to it`;
+      const farthest = number(range[0] - low > high - range[1] ? low : high, 3);
+      return el('span', { title }, swatch(c.index), `${c.name} reaches ${farthest}`);
+    });
+    this.note.replaceChildren(...notes);
     return range;
   }
 
@@ -380,7 +360,7 @@ export function followPage(list, host, state, events) {
 /** All plots of the page: of one joint below each other, or of every quantity a small one per joint. */
 export class PlotArea {
   #panels = [];
-  #mode = null;
+  #isWhole = false; // all joints
 
   constructor(host, state) {
     this.host = host;
@@ -401,12 +381,8 @@ export class PlotArea {
   }
 
   #setJoint() {
-    const mode = this.state.joint === ALL_JOINTS ? 'all' : 'one';
-    if (mode !== this.#mode) this.#build();
-    else
-      this.#all((panel) => {
-        if (panel.shared) panel.setJoint(this.state.joint);
-      });
+    if (this.#isWhole !== (this.state.joint === ALL_JOINTS)) this.#build();
+    else this.#all((panel) => panel.shared && panel.setJoint(this.state.joint));
   }
 
   #build() {
@@ -414,9 +390,9 @@ export class PlotArea {
     this.observer.disconnect();
     this.#panels = [];
     this.heads = [];
-    this.#mode = this.state.joint === ALL_JOINTS ? 'all' : 'one';
+    this.#isWhole = this.state.joint === ALL_JOINTS;
     this.host.replaceChildren(
-      ...(this.#mode === 'all' ? this.#buildAll() : this.#buildOne(this.state.joint)),
+      ...(this.#isWhole ? this.#buildAll() : this.#buildOne(this.state.joint)),
       ...this.#buildTimes(),
     );
     this.#updateHeads();
@@ -437,9 +413,7 @@ export class PlotArea {
   }
 
   #buildPanel(quantity, joint) {
-    return this.#add(
-      new Panel(this.state, new LineChart(this.state, quantity, joint), { head: this.#head(quantity) }),
-    );
+    return this.#add(new Panel(this.state, new LineChart(this.state, quantity, joint), { head: this.#head(quantity) }));
   }
 
   #buildAll() {

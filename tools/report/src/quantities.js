@@ -24,107 +24,66 @@ const thousandths = (key, label, style) => ({ key, label, style, samples: (c, jo
  * @property {boolean} [zero] zero is always in view
  */
 
+/** A quantity of a moving joint, of the nominal arm and of the real one; its limits have its name. */
+const motion = (id, title, units, key, more = {}) => ({
+  id,
+  title,
+  units,
+  limit: id,
+  kinds: [series(`nominal_${key}`, 'nominal', NOMINAL), series(`real_${key}`, 'real', REAL)],
+  ...more,
+});
+
+/** A quantity of a joint that has no limits of its own. */
+const ofJoint = (id, title, units, kinds, more = {}) => ({ id, title, units, zero: true, kinds, ...more });
+
+/** A quantity of the whole arm, in one unit. */
+const ofArm = (id, title, unit, kinds, more = {}) =>
+  ofJoint(id, title, [unit, unit], kinds, { ofArm: true, ...more });
+
 /** @type {Quantity[]} */
 const QUANTITIES = [
-  {
-    id: 'tool',
-    title: 'Distance of the tool from its command',
-    units: ['mm', 'mm'],
-    zero: true,
-    ofArm: true,
-    kinds: [thousandths('tool_nominal', 'nominal', NOMINAL), thousandths('tool_real', 'real', REAL)],
-  },
-  {
-    id: 'position',
-    title: 'Position',
-    units: ['rad', 'm'],
-    limit: 'position',
-    realLimit: 'real_position',
-    bound: 'bound_position',
-    kinds: [series('nominal_q', 'nominal', NOMINAL), series('real_q', 'real', REAL)],
-  },
-  {
-    id: 'velocity',
-    title: 'Velocity',
-    units: ['rad/s', 'm/s'],
-    limit: 'velocity',
-    realLimit: 'real_velocity',
-    bound: 'bound_velocity',
-    kinds: [series('nominal_qd', 'nominal', NOMINAL), series('real_qd', 'real', REAL)],
-  },
-  {
-    id: 'acceleration',
-    title: 'Acceleration',
-    units: ['rad/s²', 'm/s²'],
-    limit: 'acceleration',
-    kinds: [series('nominal_qdd', 'nominal', NOMINAL), series('real_qdd', 'real', REAL)],
-  },
-  {
-    id: 'jerk',
-    title: 'Jerk',
-    units: ['rad/s³', 'm/s³'],
-    limit: 'jerk',
+  ofArm('tool', 'Distance of the tool from its command', 'mm', [
+    thousandths('tool_nominal', 'nominal', NOMINAL),
+    thousandths('tool_real', 'real', REAL),
+  ]),
+  motion('position', 'Position', ['rad', 'm'], 'q', { realLimit: 'real_position', bound: 'bound_position' }),
+  motion('velocity', 'Velocity', ['rad/s', 'm/s'], 'qd', { realLimit: 'real_velocity', bound: 'bound_velocity' }),
+  motion('acceleration', 'Acceleration', ['rad/s²', 'm/s²'], 'qdd'),
+  motion('jerk', 'Jerk', ['rad/s³', 'm/s³'], 'jerk', {
     steps: true,
     kinds: [series('nominal_jerk', 'nominal', NOMINAL), series('real_jerk', 'real, from the encoders', REAL)],
-  },
-  {
-    id: 'torque',
-    title: 'Torque',
-    units: ['Nm', 'N'],
-    zero: true,
-    kinds: [
-      series('tau_filter', 'filter', NOMINAL),
-      series('tau_desired', 'desired', { width: 1, dash: [2, 2], alpha: 0.8 }),
-      series('tau_robust', 'robust', { width: 1, dash: [6, 3] }),
-      series('tau_motor', 'motor', REAL),
-      series('tau_external', 'external push', { width: 1.6, dash: [1, 2] }),
-    ],
-  },
-  {
-    id: 'error',
-    title: 'Real minus nominal position',
-    units: ['mrad', 'mm'],
-    zero: true,
-    bound: 'bound_position',
-    trip: 'bound_measured',
-    isError: true,
-    kinds: [thousandths('error_true', 'true', NOMINAL), thousandths('error', 'measured', REAL)],
-  },
-  {
-    id: 'velocity_error',
-    title: 'Real minus nominal velocity, true',
-    units: ['mrad/s', 'mm/s'],
-    zero: true,
-    bound: 'bound_velocity',
-    isError: true,
-    kinds: [thousandths('error_velocity', 'velocity error', NOMINAL)],
-  },
-  {
-    id: 'margin',
-    title: 'Margin of the backup stop',
-    units: ['rad', 'm'],
-    zero: true,
-    kinds: [series('margin', 'margin', NOMINAL)],
-  },
-  {
-    id: 'clearance',
-    title: 'Clearance on the way through tick and stop',
-    units: ['mm', 'mm'],
-    zero: true,
-    limit: 'clearance',
-    limitName: 'safety distance',
-    ofArm: true,
-    inThousandths: true,
-    kinds: [thousandths('clearance', 'clearance', NOMINAL)],
-  },
-  {
-    id: 'contact',
-    title: 'Contact force',
-    units: ['N', 'N'],
-    zero: true,
-    ofArm: true,
-    kinds: [series('pressing', 'pressing force', NOMINAL)],
-  },
+  }),
+  ofJoint('torque', 'Torque', ['Nm', 'N'], [
+    series('tau_filter', 'filter', NOMINAL),
+    series('tau_desired', 'desired', { width: 1, dash: [2, 2], alpha: 0.8 }),
+    series('tau_robust', 'robust', { width: 1, dash: [6, 3] }),
+    series('tau_motor', 'motor', REAL),
+    series('tau_external', 'external push', { width: 1.6, dash: [1, 2] }),
+  ]),
+  ofJoint(
+    'error',
+    'Real minus nominal position',
+    ['mrad', 'mm'],
+    [thousandths('error_true', 'true', NOMINAL), thousandths('error', 'measured', REAL)],
+    { bound: 'bound_position', trip: 'bound_measured', isError: true },
+  ),
+  ofJoint(
+    'velocity_error',
+    'Real minus nominal velocity, true',
+    ['mrad/s', 'mm/s'],
+    [thousandths('error_velocity', 'velocity error', NOMINAL)],
+    { bound: 'bound_velocity', isError: true },
+  ),
+  ofJoint('margin', 'Margin of the backup stop', ['rad', 'm'], [series('margin', 'margin', NOMINAL)]),
+  ofArm(
+    'clearance',
+    'Clearance on the way through tick and stop',
+    'mm',
+    [thousandths('clearance', 'clearance', NOMINAL)],
+    { limit: 'clearance', limitName: 'safety distance', inThousandths: true },
+  ),
+  ofArm('contact', 'Contact force', 'N', [series('pressing', 'pressing force', NOMINAL)]),
 ];
 
 /** What there is to plot of a run: a run without a real arm has no lines of one. */

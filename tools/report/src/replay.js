@@ -53,9 +53,10 @@ export function createReplay(host, run, state) {
     stage,
   );
   const hasReal = run.cases.some((c) => c.replay?.real);
+  const tell = (text) => stage.replaceChildren(el('p', { class: 'no-replay', role: 'status', text }));
   const reason = whyNot(run);
   if (reason) {
-    stage.append(el('p', { class: 'no-replay', role: 'status', text: reason }));
+    tell(reason);
     return null;
   }
   try {
@@ -81,9 +82,7 @@ export function createReplay(host, run, state) {
     host.append(...[...notes].map((text) => el('p', { class: 'hint', role: 'note', text })));
     return replay;
   } catch (error) {
-    stage.replaceChildren(
-      el('p', { class: 'no-replay', role: 'status', text: `The 3D replay does not work here: ${error.message}` }),
-    );
+    tell(`The 3D replay does not work here: ${error.message}`);
     return null;
   }
 }
@@ -145,9 +144,7 @@ function caseChoice(run, state) {
   if (run.cases.length > 1) options.push([ALL_CASES, 'all shown cases']);
   const choose = (value) => state.set('replay', { replayCase: Number(value) });
   const select = choice({ 'aria-label': 'Whose arm the replay shows' }, options, state.replayCase, choose);
-  state.on('replay', () => {
-    select.value = String(state.replayCase);
-  });
+  state.on('replay', () => (select.value = String(state.replayCase)));
   return select;
 }
 

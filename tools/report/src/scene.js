@@ -1,23 +1,6 @@
-import {
-  BackSide,
-  BoxGeometry,
-  BufferAttribute,
-  BufferGeometry,
-  CapsuleGeometry,
-  Color,
-  CylinderGeometry,
-  DynamicDrawUsage,
-  Group,
-  Line,
-  LineBasicMaterial,
-  Matrix4,
-  Mesh,
-  MeshStandardMaterial,
-  Quaternion,
-  SphereGeometry,
-  SRGBColorSpace,
-  Vector3,
-} from 'three';
+import { BackSide, BoxGeometry, BufferAttribute, BufferGeometry, CapsuleGeometry, Color, CylinderGeometry } from 'three';
+import { DynamicDrawUsage, Group, Line, LineBasicMaterial, Matrix4, Mesh, MeshStandardMaterial, Quaternion } from 'three';
+import { SphereGeometry, SRGBColorSpace, Vector3 } from 'three';
 import { mergeGeometries } from 'three/examples/jsm/utils/BufferGeometryUtils.js';
 import { DataError } from './blocks.js';
 
@@ -83,12 +66,10 @@ export function readShape(run, shape, where) {
       return rod(new Vector3(...shape.from), new Vector3(...shape.to), shape.radius);
     case 'box':
       return { geometry: new BoxGeometry(...shape.size), position, orientation };
-    case 'cylinder': // three's is along y
-      return {
-        geometry: new CylinderGeometry(shape.radius, shape.radius, shape.length, 32).rotateX(Math.PI / 2),
-        position,
-        orientation,
-      };
+    case 'cylinder': {
+      const geometry = new CylinderGeometry(shape.radius, shape.radius, shape.length, 32); // along y
+      return { geometry: geometry.rotateX(Math.PI / 2), position, orientation };
+    }
     case 'sphere':
       return { geometry: new SphereGeometry(shape.radius, 32, 20), position, orientation };
     case 'mesh': {

@@ -1,24 +1,6 @@
-import {
-  Box3,
-  BoxGeometry,
-  BufferGeometry,
-  ConeGeometry,
-  CylinderGeometry,
-  DoubleSide,
-  EdgesGeometry,
-  Group,
-  InstancedMesh,
-  Line,
-  LineBasicMaterial,
-  LineSegments,
-  Matrix4,
-  Mesh,
-  MeshBasicMaterial,
-  MeshStandardMaterial,
-  PlaneGeometry,
-  SphereGeometry,
-  Vector3,
-} from 'three';
+import { Box3, BoxGeometry, BufferGeometry, ConeGeometry, CylinderGeometry, DoubleSide, EdgesGeometry } from 'three';
+import { Group, InstancedMesh, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial } from 'three';
+import { MeshStandardMaterial, PlaneGeometry, SphereGeometry, Vector3 } from 'three';
 import { el } from './dom.js';
 import { inNewtons, ticks } from './format.js';
 import { asOneBody, ORDER, placed, readPose, readShape } from './scene.js';

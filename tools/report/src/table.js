@@ -1,27 +1,13 @@
-import { el, swatch } from './dom.js';
-import { fixed, inNewtons, number, seconds } from './format.js';
+import { button, el, swatch, table, titles, verdictItem, verdicts } from './dom.js';
+import { fixed, inNewtons, moment, number, seconds } from './format.js';
 import { limitsIn } from './data.js';
 import { ALL_CASES } from './state.js';
 
 /** Title, origin and verdicts of the run. */
 export function fillHead(host, run) {
-  const created = run.created.replace('T', ' ').replace(/Z$/, ' UTC');
   host.append(
-    el(
-      'div',
-      { class: 'titles' },
-      el('h1', { text: run.title || 'Run' }),
-      el(
-        'p',
-        { class: 'origin' },
-        ...[run.robot, run.file, created, `viable ${run.version}`].filter(Boolean).map((text) => el('span', { text })),
-      ),
-    ),
-    el(
-      'ul',
-      { class: 'verdicts', 'aria-label': 'Verdict per case', style: { '--columns': columnsFor(run.cases.length) } },
-      ...run.cases.map(verdict),
-    ),
+    titles(run.title || 'Run', [run.robot, run.file, moment(run.created), `viable ${run.version}`]),
+    verdicts(columnsFor(run.cases.length), run.cases.map(verdict)),
   );
 }
 
@@ -38,25 +24,14 @@ function stopText({ time_s: time, message }) {
 
 function verdict(c) {
   const kind = c.ok ? 'ok' : c.guarantees && !c.kept ? 'bad' : 'warn';
-  const mark = { ok: '✓', bad: '✗', warn: '!' }[kind];
   const guarantee = c.guarantees ? 'guarantees its limits' : 'guarantees nothing';
   const [worst, ...others] = pretty(c.sentence || c.verdict).split('; ');
   const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');
-  return el(
-    'li',
-    { class: `verdict ${kind}` },
-    el('div', { class: 'verdict-case' }, swatch(c.index), el('strong', { text: c.name })),
-    el(
-      'div',
-      { class: 'verdict-text' },
-      el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }),
-      el(
-        'span',
-        { title: `The filter ${guarantee}.` },
-        worst,
-        others.length > 0 ? el('span', { class: 'verdict-rest', text: ['', ...others].join('; ') }) : null,
-      ),
-    ),
+  const rest = others.length > 0 ? el('span', { class: 'verdict-rest', text: ['', ...others].join('; ') }) : null;
+  return verdictItem(
+    kind,
+    c,
+    el('span', { title: `The filter ${guarantee}.` }, worst, rest),
     el(
       'details',
       {},
@@ -80,35 +55,18 @@ export function fillSummary(host, run) {
   if (rows.length === 0) return;
   const isNumber = columns.map((_, i) => rows.every((row) => NUMBER.test(row[i] ?? '')));
   const told = columns.map((_, i) => i).filter((i) => i === 0 || !isNeedless(rows, i));
+  const heads = told.map((i) => {
+    const name = columns[i];
+    return el('th', { scope: 'col', class: isNumber[i] ? 'number' : null, text: name, title: MEANINGS[name] ?? null });
+  });
+  const body = rows.map((row) =>
+    el('tr', {}, ...told.map((i) => cell(run, columns[i], row[i] ?? '', i, isNumber[i]))),
+  );
   host.append(
     el(
       'div',
       { class: 'scroll card', tabindex: 0, role: 'region', 'aria-label': 'Summary table' },
-      el(
-        'table',
-        { class: 'summary' },
-        el(
-          'thead',
-          {},
-          el(
-            'tr',
-            {},
-            ...told.map((i) =>
-              el('th', {
-                scope: 'col',
-                class: isNumber[i] ? 'number' : null,
-                text: columns[i],
-                title: MEANINGS[columns[i]] ?? null,
-              }),
-            ),
-          ),
-        ),
-        el(
-          'tbody',
-          {},
-          ...rows.map((row) => el('tr', {}, ...told.map((i) => cell(run, columns[i], row[i] ?? '', i, isNumber[i])))),
-        ),
-      ),
+      table({ class: 'summary' }, heads, body),
     ),
     note ? el('p', { class: 'hint', text: note }) : null,
   );
@@ -200,55 +158,30 @@ export class JointTable {
     this.state = state;
     this.caption = el('h3');
     this.rows = state.run.joints.map((joint, j) => this.#row(joint, j));
-    host.append(
-      this.caption,
-      el(
-        'table',
-        { class: 'joints' },
-        el('thead', {}, el('tr', {}, ...HEADS.map(([text, title]) => el('th', { scope: 'col', text, title })))),
-        el('tbody', {}, ...this.rows.map(({ root }) => root)),
-      ),
-    );
+    const heads = HEADS.map(([text, title]) => el('th', { scope: 'col', text, title }));
+    host.append(this.caption, table({ class: 'joints' }, heads, this.rows.map(({ root }) => root)));
     state.on('time', () => this.#schedule());
-    state.on('replay joint', () => this.update());
-    this.update();
+    state.follow('replay joint', () => this.update());
   }
 
   #row(joint, j) {
     const mark = el('span', { class: 'gauge-mark' });
-    const cells = {
-      q: el('td', { class: 'number' }),
-      error: el('td', { class: 'number' }),
-      acting: el('td', { class: 'acting' }),
-    };
-    const button = el('button', {
-      type: 'button',
-      class: 'joint-name',
-      text: joint.name,
-      title: `Show the plots of ${joint.name}`,
-      onclick: () => this.state.setJoint(j),
-    });
-    const root = el(
-      'tr',
-      {},
-      el('th', { scope: 'row' }, button),
-      cells.q,
-      el('td', {}, el('span', { class: 'gauge' }, mark)),
-      cells.error,
-      cells.acting,
-    );
-    return { root, mark, button, ...cells };
+    const [q, error] = [el('td', { class: 'number' }), el('td', { class: 'number' })];
+    const acting = el('td', { class: 'acting' });
+    const title = `Show the plots of ${joint.name}`;
+    const name = button({ class: 'joint-name', text: joint.name, title, onclick: () => this.state.setJoint(j) });
+    const gauge = el('td', {}, el('span', { class: 'gauge' }, mark));
+    const root = el('tr', {}, el('th', { scope: 'row' }, name), q, gauge, error, acting);
+    return { root, mark, q, error, acting };
   }
 
   #schedule() {
-    if (this.timer) return;
-    this.timer = setTimeout(() => {
-      this.timer = null;
-      this.update();
-    }, 60);
+    this.timer ??= setTimeout(() => this.update(), 60);
   }
 
   update() {
+    clearTimeout(this.timer);
+    this.timer = null;
     const { state } = this;
     const { run } = state;
     const c = run.cases[state.replayCase === ALL_CASES ? Math.max(0, state.shown.indexOf(true)) : state.replayCase];

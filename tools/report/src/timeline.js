@@ -3,19 +3,45 @@ import { caseColour, colours, limitColour } from './theme.js';
 
 export const LANE_HEIGHT = 20;
 
-/**
- * Which limit acted when: a lane per case. Its upper half shows upper limits, its lower half lower ones; a strip at
- * its foot shows what is more than a change of the torque: stops, returns, faults.
- */
-export class LaneChart {
-  id = 'interventions';
-  title = 'Acting limits';
+/** A lane per shown case, below each other. */
+export class Lanes {
   unit = '';
   beyond = [];
   isLanes = true;
 
-  constructor(state, joint) {
+  constructor(state) {
     this.state = state;
+  }
+
+  invalidate() {}
+
+  range() {
+    return [0, 1];
+  }
+
+  /** Draws each case's name, its lane by `drawLane(c, top, height)`, and the heir's edge of it. */
+  drawLanes(painter, frame, palette, sparse, drawLane) {
+    const { cases } = this.state;
+    const height = frame.height / Math.max(1, cases.length);
+    cases.forEach((c, lane) => {
+      const top = frame.top + lane * height;
+      drawLaneName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
+      painter.clip(frame.left, top, frame.width, height, () => drawLane(c, top, height));
+      this.drawEdge(painter, frame, palette, top, height, lane);
+    });
+  }
+}
+
+/**
+ * Which limit acted when: a lane per case. Its upper half shows upper limits, its lower half lower ones; a strip at
+ * its foot shows what is more than a change of the torque: stops, returns, faults.
+ */
+export class LaneChart extends Lanes {
+  id = 'interventions';
+  title = 'Acting limits';
+
+  constructor(state, joint) {
+    super(state);
     this.joint = joint;
   }
 
@@ -26,23 +52,14 @@ export class LaneChart {
     return Math.max(1, this.state.cases.length) * LANE_HEIGHT;
   }
 
-  invalidate() {}
-
-  range() {
-    return [0, 1];
+  draw(painter, frame, palette = colours, sparse = false) {
+    this.drawLanes(painter, frame, palette, sparse, (c, top, height) =>
+      this.#drawLane(painter, frame, c, top, height, palette, sparse),
+    );
   }
 
-  draw(painter, frame, palette = colours, sparse = false) {
-    const { cases } = this.state;
-    const height = frame.height / Math.max(1, cases.length);
-    cases.forEach((c, lane) => {
-      const top = frame.top + lane * height;
-      drawLaneName(painter, c, frame.left - 4, top + height / 2, palette, sparse);
-      painter.clip(frame.left, top, frame.width, height, () =>
-        this.#drawLane(painter, frame, c, top, height, palette, sparse),
-      );
-      if (lane > 0) painter.rect(frame.left, top - 0.5, frame.width, 1, palette.line);
-    });
+  drawEdge(painter, frame, palette, top, height, lane) {
+    if (lane > 0) painter.rect(frame.left, top - 0.5, frame.width, 1, palette.line);
   }
 
   #drawLane(painter, frame, c, top, height, palette, sparse) {
@@ -92,7 +109,7 @@ export class LaneChart {
 }
 
 /** The name of a case before its lane, as far as there is room, and its colour. */
-export function drawLaneName(painter, c, right, y, palette, sparse) {
+function drawLaneName(painter, c, right, y, palette, sparse) {
   const room = 48;
   const size = 10;
   let { name } = c;

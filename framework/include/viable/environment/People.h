@@ -124,8 +124,7 @@ struct Person {
             .upTo(kFastestPerson_mps);
         v(bodyPart, "body_part", kBodyPartWords,
           "What all capsules are of, instead of the speed: the one at which this arm may touch somebody there who "
-          "stands still, "
-          "by ISO/TS 15066.");
+          "stands still, by ISO/TS 15066.");
         v(unseen, "unseen", "When nothing sees the person.").count(1, 0);
     }
     void check(const ConfigNode& block) const;

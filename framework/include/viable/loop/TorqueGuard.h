@@ -184,9 +184,9 @@ private:
 
     template <class Law>
     const GuardedTorque& callStep(const JointState& measured, const JointVector* external, Law& law) noexcept {
-        static_assert(std::is_invocable_v<Law&, const MotionState&, const Dynamics&, JointVector&>,
-                      "a law is called as law(const MotionState& nominal, const Dynamics& "
-                      "dynamics, JointVector& torque)");
+        static_assert(
+            std::is_invocable_v<Law&, const MotionState&, const Dynamics&, JointVector&>,
+            "a law is called as law(const MotionState& nominal, const Dynamics& dynamics, JointVector& torque)");
         const auto call = [&law](const MotionState& nominal, const Dynamics& dynamics, JointVector& torque) {
             law(nominal, dynamics, torque);
         };

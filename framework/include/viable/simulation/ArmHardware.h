@@ -42,8 +42,7 @@ struct JointSensorOptions {
         v(seed, "seed", "Of the reading noise: same seed, same readings.").atLeast(0);
         v(fault, "sensor_fault", "none|stuck|bias|sign|spike|swap|wrap|nan",
           "What goes wrong with one position reading: it stays, is offset, negated, offset once, exchanged with the "
-          "next "
-          "joint's, a turn too large, or NaN.");
+          "next joint's, a turn too large, or NaN.");
         v(faultJoint, "sensor_fault_joint", "At which joint, counted from 0.").atLeast(0).upTo(kMaxJoints - 1);
         v(faultFrom_s, "sensor_fault_from_s", "s", "From when.").atLeast(0);
         v(faultUntil_s, "sensor_fault_until_s", "s", "To when.").atLeast(0).orInfinite();

@@ -4,7 +4,6 @@
 
 #include "core/Text.h"
 #include "robot/RigidBody.h"
-#include "viable/core/JointTypes.h"
 
 namespace viable::detail {
 
@@ -84,9 +83,8 @@ void checkJoint(const UrdfDocument& document, const UrdfTree::Joint& joint, Erro
                    "Write a number in radians, metres, newtons or newton metres.");
     if (!missing.empty())
         errors.add(where, who + " of type " + joint.type + " has no " + missing + (limit ? " in its <limit>" : ""),
-                   "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 "
-                   "for an effort or a velocity that is not known: limits.yaml and "
-                   "actuation.yaml give it then.");
+                   "Write <limit lower=\"..\" upper=\"..\" effort=\"..\" velocity=\"..\"/>, with 0 for an effort or a "
+                   "velocity that is not known: limits.yaml and actuation.yaml give it then.");
 }
 
 /** The mass that the link's <inertial> states, 0 where it states none. */
@@ -110,10 +108,9 @@ double checkInertial(const UrdfDocument& document, const UrdfTree::Link& link, E
                    std::string("Give the link its mass, or make all six inertia entries zero. ") + kAssumesMass);
     else if (const std::string fault = findInertiaFault(read->inertia, false); !fault.empty())
         errors.add(where, name + fault,
-                   "Correct <inertia>: URDF takes the tensor about the centre of mass, "
-                   "with ixy = -integral of x y dm; some CAD programs export the other "
-                   "sign, or the tensor about the link's origin. `viable new robot --assume` takes the nearest that a "
-                   "body can have.");
+                   "Correct <inertia>: URDF takes the tensor about the centre of mass, with ixy = -integral of x y dm; "
+                   "some CAD programs export the other sign, or the tensor about the link's origin. `viable new robot "
+                   "--assume` takes the nearest that a body can have.");
     else
         return read->mass;
     return 1.0;  // a fault of its own, told already
@@ -179,11 +176,10 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
         if (link.carrier < 0 && !base) {
             base = &link;
         } else if (link.carrier < 0) {
-            errors.add(
-                document.place(*link.element),
-                "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
-                "Add the joint that carries it, or remove it. `viable new robot --assume` leaves out what has no "
-                "moving joint.");
+            errors.add(document.place(*link.element),
+                       "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
+                       "Add the joint that carries it, or remove it. `viable new robot --assume` leaves out what has "
+                       "no moving joint.");
         } else if (!isReached[static_cast<std::size_t>(link.carrier)]) {
             const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(link.carrier)];
             errors.add(document.place(*joint.element),

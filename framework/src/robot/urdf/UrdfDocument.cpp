@@ -148,16 +148,12 @@ std::vector<std::size_t> checkText(const std::string& text, const std::string& f
 }
 
 std::string describeFault(tinyxml2::XMLError fault) {
-    switch (fault) {
-        case tinyxml2::XML_ERROR_MISMATCHED_ELEMENT:
-            return "an element begins here that is not closed by its own name";
-        case tinyxml2::XML_ERROR_PARSING_ATTRIBUTE:
-            return "an attribute is not of the form name=\"value\", or stands twice in its element";
-        case tinyxml2::XML_ERROR_PARSING_DECLARATION:
-            return "an <?xml ...?> stands behind the first element";
-        default:
-            return std::string("it cannot be read as XML (") + tinyxml2::XMLDocument::ErrorIDToName(fault) + ")";
-    }
+    if (fault == tinyxml2::XML_ERROR_MISMATCHED_ELEMENT)
+        return "an element begins here that is not closed by its own name";
+    if (fault == tinyxml2::XML_ERROR_PARSING_ATTRIBUTE)
+        return "an attribute is not of the form name=\"value\", or stands twice in its element";
+    if (fault == tinyxml2::XML_ERROR_PARSING_DECLARATION) return "an <?xml ...?> stands behind the first element";
+    return std::string("it cannot be read as XML (") + tinyxml2::XMLDocument::ErrorIDToName(fault) + ")";
 }
 
 constexpr std::string_view kXacro = "xacro:";

@@ -19,7 +19,7 @@ namespace {
 /** Collects what urdfdom says, which goes to the console otherwise. */
 class CapturedMessages : public console_bridge::OutputHandler {
 public:
-    CapturedMessages() : lock_(mutex()) {
+    CapturedMessages() : lock_(mutex_) {
         previousLevel_ = console_bridge::getLogLevel();
         console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_WARN);
         previous_ = console_bridge::getOutputHandler();
@@ -33,17 +33,12 @@ public:
     CapturedMessages& operator=(const CapturedMessages&) = delete;
 
     void log(const std::string& text, console_bridge::LogLevel, const char*, int) override {
-        if (!text_.empty()) text_ += "; ";
-        text_ += text;
+        addItem(text_, text, "; ");
     }
     const std::string& text() const { return text_; }
 
 private:
-    /** The handler is one per process. */
-    static std::mutex& mutex() {
-        static std::mutex instance;
-        return instance;
-    }
+    static inline std::mutex mutex_;  // the handler is one per process
     std::lock_guard<std::mutex> lock_;
     console_bridge::OutputHandler* previous_;
     console_bridge::LogLevel previousLevel_;

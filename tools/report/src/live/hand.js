@@ -86,9 +86,7 @@ export class Hand extends Emitter {
     if (position) this.#position.copy(position);
     if (orientation) this.#orientation.copy(orientation);
     if (joints) this.#joints = [...joints];
-    this.#goal.position.copy(this.#position);
-    this.#goal.orientation.copy(this.#orientation);
-    this.#goal.joints = [...this.#joints];
+    this.move(by, { position: this.#position, orientation: this.#orientation, joints: this.#joints });
     this.#last = performance.now();
     this.#send();
     this.emit('change');

@@ -131,7 +131,7 @@ async function begin() {
   });
   page.on('theme', () => {
     view?.paint();
-    panels?.strips.paint();
+    panels?.strips.ask();
   });
   window.viableLive = { link, hand, view, headset, limits: () => limitsOf(link.frame, run) }; // for scripts
 }

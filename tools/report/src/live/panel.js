@@ -249,13 +249,11 @@ export class HandPanel {
         goal[i] = Number(slider.value);
         hand.move(by, { joints: goal });
       });
-      for (const event of ['pointerup', 'pointercancel', 'lostpointercapture'])
+      for (const event of ['pointerup', 'pointercancel', 'lostpointercapture', 'keyup', 'blur'])
         slider.addEventListener(event, () => hand.release(by));
       slider.addEventListener('keydown', ({ key, repeat }) => {
         if (!repeat && /^(Arrow|Page)/.test(key)) press(by);
       });
-      slider.addEventListener('keyup', () => hand.release(by));
-      slider.addEventListener('blur', () => hand.release(by));
       return slider;
     });
     return el(

@@ -33,7 +33,7 @@ export class Strips {
     const options = [[-1, 'all joints'], ...run.joints.map(({ name }, i) => [i, name])];
     const select = choice({ 'aria-label': 'Joint that stands out' }, options, null, (value) => {
       this.#chosen = Number(value);
-      this.#ask();
+      this.ask();
     });
     this.canvases = QUANTITIES.map(([title]) =>
       el('canvas', { class: 'strip', role: 'img', 'aria-label': `${title} of the joints, share of the limits, last 20 s` }),
@@ -53,7 +53,7 @@ export class Strips {
         ...QUANTITIES.map(([title], i) => el('figure', {}, el('figcaption', { text: title }), this.canvases[i])),
       ),
     );
-    new ResizeObserver(() => this.#ask()).observe(host);
+    new ResizeObserver(() => this.ask()).observe(host);
   }
 
   add(frame) {
@@ -68,14 +68,11 @@ export class Strips {
       }
     });
     this.#count += 1;
-    this.#ask();
+    this.ask();
   }
 
-  paint() {
-    this.#ask();
-  }
-
-  #ask() {
+  /** Draws anew, soon. */
+  ask() {
     if (this.#asked || this.rests) return;
     this.#asked = true;
     setTimeout(() => requestAnimationFrame(() => this.#draw()), Math.max(PERIOD_MS, REST * this.#took));
@@ -111,11 +108,7 @@ export class Strips {
     context.fillRect(0, 0, width, top);
     context.fillRect(0, bottom, width, height - bottom);
     context.globalAlpha = 1;
-    for (const [share, colour] of [
-      [1, colours.limit],
-      [-1, colours.limit],
-      [0, colours.grid],
-    ]) {
+    for (const [share, colour] of [[1, colours.limit], [-1, colours.limit], [0, colours.grid]]) {
       context.fillStyle = colour;
       context.fillRect(0, Math.round(y(share)), width, 1);
     }

@@ -21,12 +21,7 @@ export class View extends Picture {
   #gap = 0; // before the next picture [ms]
   #eye = null; // of a headset, while it shows the arm
   took = 0; // one of the last pictures [ms]
-  #isShown = new Map([
-    ['stop', true],
-    ['obstacles', true],
-    ['nearest', true],
-    ['contact', true],
-  ]);
+  #isShown = { stop: true, obstacles: true, nearest: true, contact: true };
   #hardest = 0; // that the arm has pressed so far [N]
 
   /** @param {boolean} isSoftware without a graphics card: no smooth edges */
@@ -74,25 +69,22 @@ export class View extends Picture {
     this.drag.setSize(0.85);
     this.scene.add(this.drag.getHelper());
     this.drag.addEventListener('change', () => this.ask());
+    const { position, quaternion: orientation } = this.handle;
     this.drag.addEventListener('mouseDown', () => {
-      const { position, quaternion: orientation } = this.handle;
       this.orbit.enabled = false;
       this.hand.press('drag', { position, orientation });
     });
-    this.drag.addEventListener('objectChange', () => {
-      const { position, quaternion: orientation } = this.handle;
-      this.hand.move('drag', { position, orientation });
-    });
-    this.drag.addEventListener('mouseUp', () => {
+    this.drag.addEventListener('objectChange', () => this.hand.move('drag', { position, orientation }));
+    const letGo = () => {
       this.orbit.enabled = true;
       this.hand.release('drag');
-    });
+    };
+    this.drag.addEventListener('mouseUp', letGo);
     // A finger or a pen that the system takes away lets go, too.
     for (const event of ['pointercancel', 'lostpointercapture'])
       this.renderer.domElement.addEventListener(event, () => {
         this.#endDrag();
-        this.orbit.enabled = true;
-        this.hand.release('drag');
+        letGo();
       });
     this.allowDrag(false);
   }
@@ -128,9 +120,9 @@ export class View extends Picture {
   }
 
   togglePart(part) {
-    this.#isShown.set(part, !this.#isShown.get(part));
+    this.#isShown[part] = !this.#isShown[part];
     this.ask();
-    return this.#isShown.get(part);
+    return this.#isShown[part];
   }
 
   show(frame) {
@@ -199,7 +191,7 @@ export class View extends Picture {
       this.real.root.visible = has(frame('real_q'));
       if (this.real.root.visible) this.real.pose(frame('real_q'));
     }
-    this.stop.root.visible = this.#isShown.get('stop') && has(frame('rest_q'));
+    this.stop.root.visible = this.#isShown.stop && has(frame('rest_q'));
     if (this.stop.root.visible) this.stop.pose(frame('rest_q'));
     const place = (object, [x, y, z, w, i, j, k]) => {
       object.position.set(x, y, z);
@@ -214,12 +206,9 @@ export class View extends Picture {
     if (!this.#frame) return;
     this.#pose();
     const acting = limitsOf(this.#frame, this.run);
-    this.nominal.tint((joint) => {
-      const name = acting[joint];
-      return name ? limitColour(name) : null;
-    });
+    this.nominal.tint((joint) => (acting[joint] ? limitColour(acting[joint]) : null));
     if (this.surroundings) {
-      this.surroundings.root.visible = this.#isShown.get('obstacles');
+      this.surroundings.root.visible = this.#isShown.obstacles;
       this.surroundings.show(this.#frame('time_s')[0]);
     }
     this.#drawNearest();
@@ -232,7 +221,7 @@ export class View extends Picture {
   #drawNearest() {
     if (!this.line) return;
     const distance = this.#frame('clearance')[0];
-    const isKnown = this.#isShown.get('nearest') && Number.isFinite(distance);
+    const isKnown = this.#isShown.nearest && Number.isFinite(distance);
     this.line.show(
       isKnown ? { distance, onArm: [...this.#frame('on_arm')], onObstacle: [...this.#frame('on_obstacle')] } : null,
     );
@@ -243,7 +232,7 @@ export class View extends Picture {
   }
 
   #drawContact() {
-    const contact = this.arrow && this.#isShown.get('contact') ? contactOf(this.#frame, this.run) : null;
+    const contact = this.arrow && this.#isShown.contact ? contactOf(this.#frame, this.run) : null;
     this.#hardest = Math.max(this.#hardest, contact?.pressing ?? 0);
     const perDecimetre = forceScale(this.#hardest, this.size);
     this.arrow?.show(contact, perDecimetre);

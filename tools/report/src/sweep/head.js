@@ -1,4 +1,5 @@
-import { button, caseToggles, el, setPressed, swatch, tellHeight } from '../dom.js';
+import { button, caseToggles, el, setPressed, tellHeight, titles, verdictItem, verdicts } from '../dom.js';
+import { moment } from '../format.js';
 import { themeButton } from '../theme_button.js';
 import { isOk, OUTSIDE, prettyStatus, severity } from './data.js';
 import { quantile } from './statistics.js';
@@ -17,27 +18,20 @@ function countStatuses(sweep, rows) {
 
 /** Title, origin, and a verdict per case. */
 export function fillHead(host, sweep) {
-  const created = sweep.created.replace('T', ' ').replace(/Z$/, ' UTC');
   const origin = [
     plural(sweep.cases.length, 'case'),
     `${count(sweep.done)} of ${plural(sweep.planned, 'run')}`,
     `seed ${sweep.seed}`,
     sweep.file,
-    created,
+    moment(sweep.created),
     sweep.writer && `viable ${sweep.writer}`,
   ];
   host.append(
-    el(
-      'div',
-      { class: 'titles' },
-      el('h1', { text: sweep.title || 'Sweep' }),
-      el('p', { class: 'origin' }, ...origin.filter(Boolean).map((text) => el('span', { text }))),
-    ),
+    titles(sweep.title || 'Sweep', origin),
     sweep.isPartial ? el('p', { class: 'partial card', role: 'status', text: partialText(sweep) }) : '',
-    el(
-      'ul',
-      { class: 'verdicts', 'aria-label': 'Verdict per case', style: { '--columns': Math.min(5, sweep.cases.length) } },
-      ...sweep.cases.map((c) => verdict(sweep, c)),
+    verdicts(
+      Math.min(5, sweep.cases.length),
+      sweep.cases.map((c) => verdict(sweep, c)),
     ),
   );
 }
@@ -60,21 +54,8 @@ function verdict(sweep, c) {
   const isKept = sentences.every(({ isGood }) => isGood);
   const kind = rows.length === 0 ? 'warn' : worst === severity('ok') ? (isKept ? 'ok' : 'warn') : worst < 2 ? 'bad' : 'warn';
   const text = rows.length === 0 ? 'no run is done yet' : sentences.map(({ text: one }) => one).join('; ');
-  return el(
-    'li',
-    { class: `verdict ${kind}` },
-    el('div', { class: 'verdict-case' }, swatch(c.index), el('strong', { text: c.name })),
-    el(
-      'div',
-      { class: 'verdict-text' },
-      el('span', { class: 'mark', 'aria-hidden': 'true', text: { ok: '✓', bad: '✗', warn: '!' }[kind] }),
-      el('span', { text }),
-    ),
-    el('div', {
-      class: 'verdict-parts',
-      text: statuses.map(([status, n]) => `${count(n)} ${prettyStatus(status)}`).join(' · '),
-    }),
-  );
+  const parts = statuses.map(([status, n]) => `${count(n)} ${prettyStatus(status)}`).join(' · ');
+  return verdictItem(kind, c, el('span', { text }), el('div', { class: 'verdict-parts', text: parts }));
 }
 
 /** In how many runs every limit was kept, by the nominal and the real arm, and how much of the bound was used. */
@@ -133,7 +114,7 @@ function resultChoice(state) {
   }
   const select = el(
     'select',
-    { 'aria-label': 'Result', onchange: () => state.setResult(select.value) },
+    { 'aria-label': 'Result', onchange: () => state.set('result', { result: state.sweep.column(select.value) }) },
     ...[...groups].map(([label, columns]) =>
       el(
         'optgroup',
@@ -153,7 +134,7 @@ function statusChips(state) {
       class: `chip ${isOk(status) ? 'ok' : 'failing'}`,
       text: `${prettyStatus(status)} ${count(n)}`,
       title: `Show or hide the runs that are ${prettyStatus(status)}`,
-      onclick: () => state.toggleStatus(status),
+      onclick: () => state.toggle('rows', state.hiddenStatuses, status),
     });
     state.follow('rows', () => setPressed(chip, !state.hiddenStatuses.has(status)));
     return chip;

@@ -131,14 +131,7 @@ export class ResultHistogram extends Panel {
 /** The limit of a share, or where it is if it is out of view. */
 function drawLimit(painter, plot, x, isBeyond) {
   const at = isBeyond ? plot.right : x;
-  if (!isBeyond)
-    painter.line(
-      (sink) => {
-        sink.moveTo(x, plot.top - 8);
-        sink.lineTo(x, plot.bottom);
-      },
-      { colour: colours.bad, width: 1.6, dash: [5, 4] },
-    );
+  if (!isBeyond) painter.segment(x, plot.top - 8, x, plot.bottom, { colour: colours.bad, width: 1.6, dash: [5, 4] });
   const isRight = isBeyond || x > (plot.left + plot.right) / 2;
   painter.text(isBeyond ? 'limit: 100 %, far to the right' : 'limit', at + (isRight ? -5 : 5), plot.top - 5, {
     colour: colours.bad,

@@ -30,7 +30,7 @@ function fillTables(state) {
   const { sweep } = state;
   const named = (...names) => names.map((name) => sweep.column(name));
   const isFailing = (row) => !isOk(sweep.statuses[row]);
-  part('failing').hidden = !sweep.statuses.some((status) => !isOk(status));
+  part('failing').hidden = sweep.statuses.every(isOk);
   if (!part('failing').hidden)
     new RunTable(part('failing'), state, {
       name: 'failing runs',
@@ -74,14 +74,10 @@ function fillDetails(host, sweep) {
       el('details', { class: 'card' }, el('summary', { text: 'Experiment file' }), el('pre', { tabindex: 0, text: sweep.experiment })),
     );
   const hash = sweep.file_hash ? ` The hash of the experiment file is ${sweep.file_hash}.` : '';
-  host.append(
-    el('p', {
-      class: 'hint',
-      text:
-        `Beyond the limit: more than 100 % by more than rounding. The store sweep.sqlite beside this page holds every ` +
-        `value in full.${hash}`,
-    }),
-  );
+  const text =
+    'Beyond the limit: more than 100 % by more than rounding. The store sweep.sqlite beside this page holds every ' +
+    `value in full.${hash}`;
+  host.append(el('p', { class: 'hint', text }));
 }
 
 async function start() {

@@ -144,13 +144,7 @@ class Scatter extends Panel {
     }
     painter.rect(plot.left, plot.bottom, plot.right - plot.left, 1, colours.line);
     if (result.isShare && view.max >= 1)
-      painter.line(
-        (sink) => {
-          sink.moveTo(plot.left, toY(1));
-          sink.lineTo(plot.right, toY(1));
-        },
-        { colour: colours.bad, width: 1.2, dash: [5, 4] },
-      );
+      painter.segment(plot.left, toY(1), plot.right, toY(1), { colour: colours.bad, width: 1.2, dash: [5, 4] });
     const space = (plot.right - plot.left) / (x.words?.length ?? 1);
     if (!x.words) {
       for (const { value, text } of axisOf(draw, x.min, x.max, Math.max(2, (plot.right - plot.left) / 80)))

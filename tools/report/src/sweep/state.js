@@ -35,14 +35,6 @@ export class State extends Emitter {
     this.emit('rows');
   }
 
-  toggleStatus(status) {
-    this.toggle('rows', this.hiddenStatuses, status);
-  }
-
-  setResult(name) {
-    this.set('result', { result: this.sweep.column(name) });
-  }
-
   select(row) {
     this.set('select', { selected: row === this.selected ? null : row });
   }

@@ -1,5 +1,5 @@
 import { button, el, save, swatch, table } from '../dom.js';
-import { isOk, prettyStatus, severity } from './data.js';
+import { isOk, OUTSIDE, prettyStatus, severity } from './data.js';
 import { count } from './head.js';
 
 const FIRST = 15; // rows shown at first
@@ -42,8 +42,7 @@ export class RunTable {
       this.more,
     );
     this.host = host;
-    state.on('rows', () => this.#reset());
-    state.on('result', () => this.#reset());
+    state.on('rows result', () => this.#reset());
     state.on('select', () => this.#markSelected());
     this.update();
   }
@@ -56,17 +55,17 @@ export class RunTable {
   /** What stands in a column: {key, title, text(row), full(row), compare(a, b), has(row)}. */
   #all() {
     const { sweep } = this.state;
-    const caseName = (row) => sweep.cases[sweep.caseOf[row]].name;
+    const caseOf = (row) => sweep.caseOf[row];
+    const caseName = (row) => sweep.cases[caseOf(row)].name;
     const own = [
       { key: 'run', title: 'run', isNumber: true, text: (row) => String(sweep.run[row]), compare: (a, b) => sweep.run[a] - sweep.run[b] },
-      {
-        key: 'case_name',
-        title: 'case',
-        text: caseName,
-        compare: (a, b) => sweep.caseOf[a] - sweep.caseOf[b],
-        mark: (row) => swatch(sweep.caseOf[row]),
-      },
+      { key: 'case_name', title: 'case', text: caseName, compare: (a, b) => caseOf(a) - caseOf(b), mark: (row) => swatch(caseOf(row)) },
     ];
+    const ofStatus = {
+      text: (row) => prettyStatus(sweep.statuses[row]),
+      isBad: (row) => !isOk(sweep.statuses[row]),
+      compare: (a, b) => severity(sweep.statuses[b]) - severity(sweep.statuses[a]),
+    };
     const seen = new Set();
     const stored = this.columns().filter((column) => column && !seen.has(column.name) && seen.add(column.name));
     return [
@@ -76,15 +75,12 @@ export class RunTable {
         title: column.title,
         isNumber: !column.isWords,
         isCommand: column.name === 'replay',
-        text: column.name === 'status' ? (row) => prettyStatus(sweep.statuses[row]) : (row) => column.show(row),
+        text: (row) => column.show(row),
         full: (row) => column.text(row),
-        isBad: (row) =>
-          column.name === 'status' ? !isOk(sweep.statuses[row]) : column.isShare && column.numbers[row] > 1 + 1e-9,
-        compare:
-          column.name === 'status'
-            ? (a, b) => severity(sweep.statuses[b]) - severity(sweep.statuses[a])
-            : (a, b) => column.compare(a, b),
+        isBad: (row) => column.isShare && column.numbers[row] > OUTSIDE,
+        compare: (a, b) => column.compare(a, b),
         has: (row) => column.has(row),
+        ...(column.name === 'status' ? ofStatus : {}),
       })),
     ];
   }
@@ -112,19 +108,12 @@ export class RunTable {
     this.title.textContent = this.makeTitle(rows.length);
     const heads = columns.map(({ key, title, isNumber }) => {
       const isSorted = key === sortKey;
+      const [order, mark] = !isSorted ? [null, ''] : this.#sort.isDown ? ['descending', ' ▾'] : ['ascending', ' ▴'];
+      const onclick = () => this.#sortBy(key, isNumber);
       return el(
         'th',
-        {
-          scope: 'col',
-          class: isNumber ? 'number' : null,
-          'aria-sort': isSorted ? (this.#sort.isDown ? 'descending' : 'ascending') : null,
-        },
-        button({
-          class: 'sort',
-          text: `${title}${isSorted ? (this.#sort.isDown ? ' ▾' : ' ▴') : ''}`,
-          title: `${key}: sort`,
-          onclick: () => this.#sortBy(key, isNumber),
-        }),
+        { scope: 'col', class: isNumber ? 'number' : null, 'aria-sort': order },
+        button({ class: 'sort', text: title + mark, title: `${key}: sort`, onclick }),
       );
     });
     const body = rows.slice(0, this.#shown).map((row) => this.#row(row, columns));
@@ -185,9 +174,7 @@ export function copyButton(text) {
       } catch {
         copy.textContent = 'no clipboard';
       }
-      setTimeout(() => {
-        copy.textContent = 'copy replay';
-      }, 1500);
+      setTimeout(() => (copy.textContent = 'copy replay'), 1500);
     },
   });
   return copy;
