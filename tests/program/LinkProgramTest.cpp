@@ -151,7 +151,7 @@ TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
         Robot robot(usesUdp, options);
         Program program(makeRun(robot, folder / "run", "100"));
         robot.await("a host has come");
-        sleepFor(2.6);  // 1.3 s of its time: the motion begins at 1 s
+        sleepFor(3.0);  // 1.5 s of its time: the motion begins at 1 s
         kill(program.pid(), SIGKILL);
         program.wait();
         robot.await("commands are missing: it holds itself");

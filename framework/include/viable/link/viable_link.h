@@ -353,9 +353,9 @@ typedef struct vl_robot {
     double torque[VL_MAX_JOINTS]; /* the last written one [Nm] */
     /* Internal. */
     uint64_t random, sessions, peer, heard_tick, last_sequence;
-    uint64_t caller, calls; /* the host to answer in this tick, and how many said hello, */
-    uint64_t addresses, same,
-        met; /* of how many addresses, how many of these the caller's, and a bit for each address */
+    uint64_t caller, calls;  /* the host to answer in this tick, and how many said hello */
+    uint64_t addresses, met; /* how many addresses they came from, a bit for each */
+    uint64_t same;           /* how many came from the caller's */
     vl_session session, called;
     vl_command command;
     vl_mode acts;
