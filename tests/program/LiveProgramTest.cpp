@@ -8,8 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "../tools/page/TlsClient.h"
 #include "ExpectContains.h"
 #include "RobotProcess.h"
+#include "records/LogReader.h"
 
 namespace viable::test {
 namespace {
@@ -278,6 +280,68 @@ TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
     expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
     const Outcome again = run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
     EXPECT_EQ(again.code, 0) << again.err;
+}
+
+/** A page without a browser. @param address  of the program, with a token or a session behind '#' */
+std::unique_ptr<TlsClient> openPage(const std::string& address) {
+    const std::string origin = address.substr(0, address.find("/#")), host = origin.substr(origin.find("//") + 2);
+    auto page = std::make_unique<TlsClient>(static_cast<unsigned short>(std::stoi(host.substr(host.find(':') + 1))));
+    page->send("GET /live HTTP/1.1\r\nHost: " + host + "\r\nOrigin: " + origin +
+               "\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: "
+               "dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: viable.1, " +
+               address.substr(address.find('#') + 1) + "\r\n\r\n");
+    EXPECT_EQ(page->readHead().rfind("HTTP/1.1 101", 0), 0u);
+    return page;
+}
+
+/** The next message with this key; null: none comes. */
+json readMessage(TlsClient& page, const char* key) {
+    for (ServerFrame frame; (frame = readFrame(page)).opcode >= 0;)
+        if (json message = json::parse(frame.payload, nullptr, false); message.is_object() && message.contains(key))
+            return message[key];
+    return nullptr;
+}
+
+/** A page that returns is told first what is there, and where nothing was put, that. The age of all that is around runs against
+max_age_s: the arm stands from there on until something is put again. */
+TEST(LivePage, ReturnsToWhatIsPlacedWhoseAgeIsInTheLog) {
+    const TemporaryFolder folder;
+    Program program({"live", "experiments/indy7_live.yaml", "--case", "tool", "--page", "127.0.0.1:0", "--out",
+                     folder / "run", "--no-priority", "--no-report", "--set", "cases.tool.filter.max_age_s=0.5"},
+                    [&] { setenv("XDG_STATE_HOME", folder.path().c_str(), 1); });
+    await(program, "page: ");
+    std::string address = program.output();
+    address = address.substr(address.find("page: ") + 6);
+    address.erase(address.find('\n'));
+    std::string session;
+    {
+        const auto page = openPage(address);
+        session = readMessage(*page, "session");
+        EXPECT_EQ(readMessage(*page, "placed"), json::array());
+        page->send(makeFrame(0x81, "take") + makeFrame(0x81, "start"));
+        sleepFor(1.0);
+        page->send(makeFrame(0x81, R"({"place": 2, "ball": 0.05, "at": [0.1, -0.6, 0.3]})"));
+        EXPECT_EQ(readMessage(*page, "placed")[0]["place"], 2);
+    }
+    sleepFor(0.1);
+    const auto again = openPage(address.substr(0, address.find('#') + 1) + session);
+    EXPECT_EQ(readMessage(*again, "placed")[0]["ball"], 0.05);
+    sleepFor(0.8);
+    again->send(makeFrame(0x81, "stop"));
+    EXPECT_EQ(program.wait().code, 0);
+    LogReader log(folder / "run" / "tool.mcap");
+    double before_s = 0.0, oldest_s = 0.0;
+    int renewed = 0;
+    for (TickRecord row; log.read(row);) {
+        const LimitReport& told = row.reports[LimitKind::Clearance];
+        if (!told.isKnown) continue;  // nobody was asked
+        renewed += told.age_s < before_s;
+        before_s = told.age_s;
+        oldest_s = std::max(oldest_s, told.age_s);
+        ASSERT_TRUE(told.age_s <= 0.5 || row.status == FilterStatus::StoppedByPlan) << row.time_s;
+    }
+    EXPECT_EQ(renewed, 1);
+    EXPECT_GT(oldest_s, 0.6);
 }
 
 TEST(RunAgain, IsForLogsOfAnyRun) {

@@ -86,6 +86,7 @@ public:
         });
         server_->broadcast("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr,
                                                 session.layout().hasContact));
+        if (placed_) server_->broadcast("placed", placed_->describe());  // a page that returns may show what never came
     }
 
     /** @param first  with what to know before the first visit */

@@ -77,8 +77,10 @@ void addRobotCommand(CLI::App& app, int& exitCode) {
     command->add_option("--clock", options.clock, "Its seconds per second (default: 1); 1.01 is 1 % fast")
         ->check(CLI::Range(0.001, 10.0));
     command
-        ->add_option("--torque-rate", options.torqueRate,
-                     "No torque changes faster, whatever comes, in Nm/s (default: as of the case's motors)")
+        ->add_option(
+            "--torque-rate", options.torqueRate,
+            "No torque changes faster, whatever comes, in Nm/s (default: as of the case's motors, else from zero to "
+            "their limit in 25 ms)")
         ->check(CLI::Range(1e-3, 1e12));
     command->add_option("--brake-after", options.brakeAfter, "Close the brakes after so many ticks without commands")
         ->check(CLI::Range(1, 1000000));

@@ -7,11 +7,12 @@ namespace viable {
 namespace {
 
 // The robot's own hold, a servo of acceleration: damping and stiffness of a critically damped 3 Hz, and an integral.
-constexpr double kDamping = 40.0;     // [1/s]
-constexpr double kStiffness = 400.0;  // [1/s^2]
-constexpr double kIntegral = 1500.0;  // [1/s^3]
-constexpr double kSlow = 0.02;        // [rad/s] from here on it holds the position
-constexpr double kSettling_s = 3.0;   // in which the integral finds what the model does not know
+constexpr double kDamping = 40.0;        // [1/s]
+constexpr double kStiffness = 400.0;     // [1/s^2]
+constexpr double kIntegral = 1500.0;     // [1/s^3]
+constexpr double kSlow = 0.02;           // [rad/s] from here on it holds the position
+constexpr double kSettling_s = 3.0;      // in which the integral finds what the model does not know
+constexpr double kTorqueRise_s = 0.025;  // of a motor to its limit, where nothing says how fast its torque may change
 
 RealPlant& getPlant(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
@@ -81,9 +82,11 @@ RobotServer::RobotServer(std::unique_ptr<ConfiguredCase> configured, const Robot
     vl_robot_init(&robot_, n_, tick_s_, vl_random());
     robot_.key = options_.key;
     robot_.most_repeats = options_.mostRepeats;
-    const JointVector rate =
-        options_.torqueRate > 0.0 ? JointVector::Constant(n_, options_.torqueRate).eval() : plant_.traits().motorRate;
-    for (int i = 0; i < rate.size(); ++i)
+    JointVector rate = plant_.traits().motorRate;
+    if (rate.size() == 0) rate.setConstant(n_, kInfinity);
+    rate = rate.array().isFinite().select(rate, configured_->plan.robot.actuation.torqueLimit / kTorqueRise_s);
+    if (options_.torqueRate > 0.0) rate.setConstant(options_.torqueRate);
+    for (int i = 0; i < n_; ++i)
         if (std::isfinite(rate[i])) robot_.torque_step[i] = rate[i] * tick_s_;
     applied_.setZero(n_);
     holdIntegral_.setZero(n_);

@@ -13,9 +13,9 @@ struct RobotServerOptions {
     bool stays = false;       ///< where a host has left it; else each one finds it at the start
     int mostRepeats = 100;
     bool addsGravity = false;
-    double clock = 1.0;                       ///< its ticks per tick of the computer's clock
-    double torqueRate = 0.0;                  ///< fastest change of its torques [Nm/s]; 0: as of the case's motors
-    std::int64_t brakeAfter = 0;              ///< ticks without commands after which it closes its brakes; 0: never
+    double clock = 1.0;           ///< its ticks per tick of the computer's clock
+    double torqueRate = 0.0;      ///< fastest change of torques [Nm/s]; 0: the motors', else to their limit in 25 ms
+    std::int64_t brakeAfter = 0;  ///< ticks without commands after which it closes its brakes; 0: never
     double brakeAt_s = 0.0, faultAt_s = 0.0;  ///< after a host has come: closes its brakes, reports a fault; 0: never
 
     // Of packets in both directions: shares, and ticks.

@@ -102,22 +102,39 @@ void setBytes(hid_t object, const std::string& name, const std::string& bytes, c
     setAttribute(object, name, type.id(), space.id(), &value, file);
 }
 
-/** What the log says before its rows, as attributes of the root. Of several things with one name the
+/** What the log says beside its rows, as attributes of the root. Of several things with one name the
 later ones get a number behind it. */
-void writeOpening(hid_t root, const LogReader& reader, const detail::WholeFile& file) {
-    std::set<std::string> taken;
-    const auto set = [&](const std::string& wanted, const std::string& value) {
+class Opening {
+public:
+    Opening(hid_t root, const LogReader& reader, const detail::WholeFile& file)
+        : root_(root), reader_(reader), file_(file) {
+        set("library", reader.library());
+        for (const auto& [key, value] : reader.metadata()) set(key, value);
+        addAttachments();
+    }
+
+    /** Those that came with rows since the last call, such as obstacles that were placed by hand. */
+    void addAttachments() {
+        for (; attached_ < reader_.attachments().size(); ++attached_)
+            set(reader_.attachments()[attached_].name, reader_.attachments()[attached_].data);
+    }
+
+private:
+    void set(const std::string& wanted, const std::string& value) {
         std::string name = wanted.empty() ? "unnamed" : wanted;
-        for (int i = 2; !taken.insert(name).second; ++i) name = wanted + "_" + std::to_string(i);
+        for (int i = 2; !taken_.insert(name).second; ++i) name = wanted + "_" + std::to_string(i);
         if (value.find('\0') == std::string::npos)
-            setTexts(root, name, {value}, false, file);
+            setTexts(root_, name, {value}, false, file_);
         else
-            setBytes(root, name, value, file);
-    };
-    set("library", reader.library());
-    for (const auto& [key, value] : reader.metadata()) set(key, value);
-    for (const LogAttachment& attachment : reader.attachments()) set(attachment.name, attachment.data);
-}
+            setBytes(root_, name, value, file_);
+    }
+
+    const hid_t root_;
+    const LogReader& reader_;
+    const detail::WholeFile& file_;
+    std::set<std::string> taken_;
+    std::size_t attached_ = 0;
+};
 
 /** The words of a column that have a number of their own in every file, in that order. */
 std::vector<std::string> listWords(const std::string& column) {
@@ -221,7 +238,7 @@ void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named
     Handle file(require(H5Fcreate("log", H5F_ACC_TRUNC, H5P_DEFAULT, access.id()), pending), H5Fclose);
     {
         const Handle root(require(H5Gopen2(file.id(), "/", H5P_DEFAULT), pending), H5Gclose);
-        writeOpening(root.id(), reader, pending);
+        Opening opening(root.id(), reader, pending);
         std::vector<std::unique_ptr<Column>> columns;
         for (const detail::ExportColumn& column : named)
             columns.push_back(std::make_unique<Column>(file.id(), column, pending));
@@ -232,6 +249,7 @@ void writeHdf5(LogReader& reader, const std::vector<detail::ExportColumn>& named
                 for (const auto& column : columns) column->flush();
         }
         for (const auto& column : columns) column->finish();
+        if (error == 0) opening.addAttachments();
     }
     require(file.close(), pending);
 }

@@ -21,7 +21,7 @@ void exportCsv(const std::filesystem::path& log, const std::filesystem::path& cs
 (/nominal/joint0/q_rad), all of equal length. A dataset's attributes: `column`, its name in the CSV; `units`, such
 as "rad/s^2" or "1"; for words (a limit, a status), which are small integers, instead the `words` that they stand
 for. Attributes of the root: what wrote the log, its metadata and attachments
-(the resolved experiment file). Errors as for exportCsv(). One thread at a time: the HDF5 library is not thread-safe. */
+(the resolved experiment file, obstacles that were placed by hand). Errors as for exportCsv(). One thread at a time: the HDF5 library is not thread-safe. */
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false,
                 std::int64_t take = 0);
 

@@ -363,7 +363,7 @@ void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const 
             rows_.addClearance(places_[e], elements_[e], motion_.getFrames(sample), motion_.calcTime(sample),
                                demands.ahead[e], stops, rows);
         });
-    for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), demands.torqueUse, stops, rows);
+    for (int k = 0; k < torque_.faultCount(); ++k) rows_.addTorque(torque_.fault(k), stops, rows);
     addMotionRows(stops, demands, rows);
 }
 
@@ -408,8 +408,10 @@ int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, c
         if (place.isSeen())
             rows_.addClearance(place, elements_[e], motion_.getFrames(place.sample), motion_.calcTime(place.sample),
                                demands.ahead[e], stops, rows);
+    } else if (torque_.failsByRate()) {
+        return torque_.findWorstJoint(*path_, jerk, other, otherJerk);
     } else if (torque_.faultCount() > 0) {
-        rows_.addTorque(torque_.fault(0), demands.torqueUse, stops, rows);
+        rows_.addTorque(torque_.fault(0), stops, rows);
     }
     if (rows.count == 0) return -1;
     Eigen::Index worst = 0;

@@ -117,6 +117,10 @@ public:
     @return          whether the other one breaks any of them */
     bool addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
                          RowQp::Rows& rows);
+    /** Whether in the last examine(), which found this, nothing but a rate of torque was not kept, or could not be looked at. */
+    bool failsByRate(const Result& found) const {
+        return found.isClear && found.speed.isKept && found.people.isKept && torque_.failsByRate();
+    }
     /** Of what the last examine() found not to be good, with mustBeGood: the joint that, with the jerk of the other path, would
     mend most of it, to first order; -1: none would. */
     int findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
@@ -134,6 +138,8 @@ public:
 
     /** What may be looked at from now on until the next call: a tick's work. */
     void beginTick();
+    /** The next tick is the first of a run. */
+    void reset() { torque_.forget(); }
 
     /** In a tick: distances of points from the surroundings or of capsules from each other. Beyond them nothing that needs
     another is proven. On top come, of each element and path, the rough distances that are measured in any case: 2 where nothing

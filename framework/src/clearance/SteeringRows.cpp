@@ -56,24 +56,26 @@ bool SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmEle
     return rows.normal[last].dot(stops.otherJerk) >= rows.bound[last];
 }
 
-void SteeringRows::addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops,
-                             RowQp::Rows& rows) const {
+void SteeringRows::addTorque(const TorqueScan::Fault& fault, const StopPair& stops, RowQp::Rows& rows) const {
     const double t = static_cast<double>(fault.tick) * tick_s_;
     const double middle = t + tick_s_ / 2.0;  // the torque of a tick is that of its mean acceleration
     JointVector q;
     stops.path.calcPositions(t, q);
     JointMatrix M;
     arm_.calcInertia(q, M);
+    const auto calcSlope = [&](int i, double at_s) {
+        const double here = stops.path.calcAcceleration(i, at_s);
+        const double there = stops.other.calcAcceleration(i, at_s);
+        return (here - there) / (stops.jerk[i] - stops.otherJerk[i]);
+    };
     JointVector row = JointVector::Zero(n_);
     for (int i = 0; i < n_; ++i) {
-        const double here = stops.path.calcAcceleration(i, middle);
-        const double there = stops.other.calcAcceleration(i, middle);
-        const double slope = (here - there) / (stops.jerk[i] - stops.otherJerk[i]);
+        double slope = calcSlope(i, middle);
+        if (fault.isChange && fault.tick > 0) slope -= calcSlope(i, middle - tick_s_);
         row[i] = M(fault.joint, i) * (std::isfinite(slope) ? slope : tick_s_ / 2.0);
     }
-    if (fault.torque > 0.0) row = -row;
-    const double missing = std::abs(fault.torque) - torqueUse * limits_.torque[fault.joint];
-    add(row, missing + row.dot(stops.jerk), rows);
+    if (fault.value > 0.0) row = -row;
+    add(row, fault.missing + row.dot(stops.jerk), rows);
 }
 
 void SteeringRows::addTick(const Dynamics& dynamics, const JointVector& qdd, double torqueUse,

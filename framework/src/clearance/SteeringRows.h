@@ -36,8 +36,8 @@ public:
     @return     whether the other stop's jerk keeps it */
     bool addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
                      const StopPair& stops, RowQp::Rows& rows) const;
-    /** Brings a torque of the stop back to `torqueUse` of its limit, by the accelerations there. */
-    void addTorque(const TorqueScan::Fault& fault, double torqueUse, const StopPair& stops, RowQp::Rows& rows) const;
+    /** Brings a torque of the stop, or its change, back within its limit, by the accelerations there. */
+    void addTorque(const TorqueScan::Fault& fault, const StopPair& stops, RowQp::Rows& rows) const;
     /** Keeps the torque of the tick itself, M (qdd + u dt / 2) + b, within its limits; exact. */
     void addTick(const Dynamics& dynamics, const JointVector& qdd, double torqueUse, const JointVector& lastTorque,
                  RowQp::Rows& rows) const;

@@ -13,19 +13,23 @@ public:
         JointVector torque;  ///< [Nm]; infinite: none
         JointVector rate;    ///< [Nm/s]; infinite: none
     };
-    /** A joint's torque beyond its limit at a tick of the path. */
+    /** A joint's torque, or its change since the tick before, beyond its limit at a tick of the path. */
     struct Fault {
         std::int64_t tick = 0;
         int joint = 0;
-        double torque = 0.0;  ///< beyond the limit of its sign [Nm]
+        double value = 0.0;    ///< beyond the limit of its sign [Nm]
+        double missing = 0.0;  ///< by how much [Nm]
+        bool isChange = false;
     };
     /** Torques computed in a tick, at most; beyond them nothing that needs another is proven. */
     static constexpr int kMaxTorques = 1500;
 
     TorqueScan(const RobotDescription& robot, const Limits& limits, double tick_s);
 
-    /** kMaxTorques may be computed until the next call. */
-    void beginTick() { left_ = kMaxTorques; }
+    /** kMaxTorques may be computed until the next call, in which all paths begin with the same tick. */
+    void beginTick();
+    /** What was seen in ticks before. */
+    void forget() { suspectCount_ = 0; }
 
     struct Result {
         bool bearsTorque = true;  ///< within `torqueUse` of the limits; when it is only measured: all of it was
@@ -54,6 +58,13 @@ public:
     int faultCount() const { return faultCount_; }
     const Fault& fault(int k) const { return faults_[static_cast<std::size_t>(k)]; }
 
+    /** In the last scan() a torque changed too fast, or there were more ticks to look at for that than may be. */
+    bool failsByRate() const { return isTooLong_ || (faultCount_ > 0 && faults_[0].isChange); }
+    /** Then: the joint of `path` that mends most of it when it alone moves as in `other`, from the same state and with another
+    jerk in the first tick; -1: none does. */
+    int findWorstJoint(const ArmPath& path, const JointVector& jerk, const ArmPath& other,
+                       const JointVector& otherJerk);
+
     /** The torque of a tick of a path. */
     void calcTorque(const ArmPath& path, std::int64_t tick, JointVector& torque);
 
@@ -67,8 +78,15 @@ private:
     int left_ = kMaxTorques;
     std::array<Fault, 4> faults_;
     int faultCount_ = 0;
+    bool isTooLong_ = false;
+    /** Ticks of paths at which changes failed, the newest first: where others, and those of the next tick, probably do, too. */
+    std::array<std::int64_t, 4> suspects_{};
+    int suspectCount_ = 0;
+    JointVector lastTorque_;  ///< of the last scan()
     JointVector position_, velocity_, acceleration_, torque_, torqueBefore_, rate_;
 
+    void addFault(std::int64_t tick, int joint, double value, double allowed, bool isChange);
+    bool failsAgain(const ArmPath& path, double torqueUse);
     bool isKnown(const ArmPath::Extremes& extremes, const Neighbour& neighbour, Result& result);
 };
 

@@ -53,6 +53,7 @@ void WholeArmChoice::reset(const MotionState& start) {
     watch_.reset();
     ofPeople_ = {};
     updatePeople();
+    check_.reset();
     check_.beginTick();
     braking_.beginTick(start);
     setStoredPath(start);
@@ -308,24 +309,26 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
     if (!hasBest_ && !hasRows && steered_ != proposed_ && braking_.isAdmissible(proposed_) &&
         isGood(nominal, proposed_, false))
         keepBest(proposed_);
+    // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
+    // and the others do what is desired of them; but on the path all are held alike, and where the distance is lost all brake.
+    const auto holdSingle = [&] {
+        if (hasBest_ || !steers || !demands_.isKept()) return;
+        JointVector some;
+        braking_.propose(&identity_, desired, nullptr, some);
+        for (int k = 0; k < static_cast<int>(some.size()) && braking_.isAdmissible(some); ++k) {
+            if (isGood(nominal, some, false)) return keepBest(some);
+            const int worst = check_.findWorstJoint(trial_, some, storedPath_, storedJerk_, demands_.get());
+            if (worst < 0) return;
+            some[worst] = storedJerk_[worst];
+        }
+    };
+    const bool isOfRate = check_.failsByRate(trial_);
+    if (isOfRate) holdSingle();
     for (int k = 0; k < kRetreats && !hasBest_; ++k) {
         from = (from + storedJerk_) / 2.0;
         if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);
     }
-    // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
-    // and the others do what is desired of them; but on the path all are held alike, and where the distance is lost all brake.
-    if (hasBest_ || !steers || !demands_.isKept()) return;
-    braking_.propose(&identity_, desired, nullptr, from);
-    for (int k = 0; k < static_cast<int>(from.size()); ++k) {
-        if (!braking_.isAdmissible(from)) return;
-        if (isGood(nominal, from, false)) {
-            keepBest(from);
-            return;
-        }
-        const int worst = check_.findWorstJoint(trial_, from, storedPath_, storedJerk_, demands_.get());
-        if (worst < 0) return;
-        from[worst] = storedJerk_[worst];
-    }
+    if (!isOfRate) holdSingle();
 }
 
 /** Who is near an element, and to what. */

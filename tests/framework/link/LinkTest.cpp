@@ -468,6 +468,36 @@ TEST(Link, AHelloThatIsReplayedTakesNothingFromTheHost) {
     EXPECT_LT(slowest, 1500);  // of 11 callers one is answered: 1500 ticks are 150 calls, missed all once in 1e6
 }
 
+/** A stranger fills each tick with hellos from one address, each of another session, while a host that calls each 10 ticks is heard
+once among them. */
+TEST(Link, AFloodOfHellosFromOneAddressKeepsNoHostAway) {
+    std::mt19937_64 random(7);
+    int slowest = 0, all = 0;
+    for (std::uint64_t number = 1; number <= 50; ++number) {
+        Pair pair;
+        vl_robot_init(&pair.robot, kJoints, kTick_s, 100 + number);
+        vl_host_init(&pair.host, kJoints, kTick_s, 2 * number, kRobotsAddress);
+        Pair stranger;
+        int ticks = 0;
+        for (; ticks < 20000 && !pair.host.is_connected; ++ticks) {
+            const auto at = static_cast<int>(random() % 63);
+            for (int i = 0; i < 63; ++i) {
+                if (i == at && ticks % 10 == 0) pair.give(pair.makeCommand(VL_HOLD));
+                vl_host_init(&stranger.host, kJoints, kTick_s, random(), kRobotsAddress);
+                pair.give(stranger.makeCommand(VL_HOLD), kStranger);
+            }
+            EXPECT_EQ(pair.tick(), VL_HOLD);
+            const bool isHosts = vl_robot_peer(&pair.robot) == kHostsAddress;
+            const Packet state = pair.makeState();
+            if (!state.empty() && isHosts && pair.take(state) == VL_GOOD) pair.give(pair.makeCommand(VL_HOLD));
+        }
+        slowest = std::max(slowest, ticks);
+        all += ticks;
+    }
+    std::printf("  connected after %d ticks in the mean, %d at most\n", all / 50, slowest);
+    EXPECT_LT(slowest, 300);  // one of two addresses is answered: 300 ticks are 30 calls, missed all once in 1e9
+}
+
 /** Whatever comes, is lost or comes late: from one tick to the next no torque changes by more than torque_step, nor into the
 robot's own hold, out of it, and through nonsense of its own. */
 TEST(Fault83, NoTorqueStepsFartherThanTheRobotAllows) {

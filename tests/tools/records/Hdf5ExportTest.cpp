@@ -358,6 +358,42 @@ TEST_F(Hdf5ExportTest, TheOpeningBecomesAttributesOfTheRoot) {
     EXPECT_EQ(file.readBytes("nominal"), binary);
 }
 
+// Obstacles that are placed by hand come with rows of the log; how old they are says each row, in every form to the same bit.
+TEST_F(Hdf5ExportTest, WhatIsPlacedInARunAndItsAgeAreExported) {
+    LogLayout layout = makeLayout(1, Space::Tool, true);
+    layout.limits = {LimitKind::Clearance};
+    std::vector<TickRecord> records = makeRecords(layout, 2500, 0.001, 64);
+    WrittenLog log;
+    LogWriter writer(std::make_unique<MemorySink>(log), makeOpening(layout));
+    for (std::size_t k = 0; k < records.size(); ++k) {
+        const bool isPlaced = k > 2000;
+        records[k].reports[LimitKind::Clearance].age_s = records[k].time_s - (isPlaced ? 2.0 : 0.0);
+        if (k == 2001) writer.attach({"placed_obstacles.1.json", "application/json", R"({"placed":[],"stamp_s":2.0})"});
+        writer.append(records[k]);
+    }
+    writer.finish();
+    writeBytes(path("run.mcap"), log.bytes);
+    exportHdf5(path("run.mcap"), path("run.h5"));
+    exportCsv(path("run.mcap"), path("run.csv"));
+    const Hdf5File file(path("run.h5"));
+    ASSERT_TRUE(file.hasAttribute("/", "placed_obstacles.1.json"));
+    EXPECT_EQ(file.readText("/", "placed_obstacles.1.json"), R"({"placed":[],"stamp_s":2.0})");
+    const std::vector<double> ages = file.readNumbers("/clearance/map_age_s");
+    ASSERT_EQ(ages.size(), records.size());
+    std::ifstream csv(path("run.csv"));
+    std::string line;
+    std::getline(csv, line);
+    const auto column =
+        std::count(line.begin(), line.begin() + static_cast<long>(line.find("clearance.map_age_s")), ',');
+    for (std::size_t k = 0; k < records.size(); ++k) {
+        ASSERT_TRUE(areEqual(ages[k], records[k].reports[LimitKind::Clearance].age_s)) << k;
+        std::getline(csv, line);
+        std::istringstream cells(line);
+        for (long i = 0; i <= column; ++i) std::getline(cells, line, ',');
+        ASSERT_TRUE(areEqual(std::stod(line), ages[k])) << k << ": " << line;
+    }
+}
+
 TEST_F(Hdf5ExportTest, ALogWithoutRowsHasEveryColumnEmpty) {
     LogLayout layout = makeLayout(1, Space::Tool, true);
     layout.limits = {LimitKind::Clearance, LimitKind::Speed};

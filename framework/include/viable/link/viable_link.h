@@ -353,7 +353,9 @@ typedef struct vl_robot {
     double torque[VL_MAX_JOINTS]; /* the last written one [Nm] */
     /* Internal. */
     uint64_t random, sessions, peer, heard_tick, last_sequence;
-    uint64_t caller, calls; /* the host to answer in this tick, and how many said hello */
+    uint64_t caller, calls;  /* the host to answer in this tick, and how many said hello */
+    uint64_t addresses, met; /* how many addresses they came from, a bit for each */
+    uint64_t same;           /* how many came from the caller's */
     vl_session session, called;
     vl_command command;
     vl_mode acts;
@@ -393,6 +395,10 @@ static inline int vl_is_same_session(vl_session a, vl_session b) {
     return a.host == b.host && a.robot == b.robot;
 }
 
+static inline void vl_robot_answered(vl_robot* r) {
+    r->caller = r->calls = r->addresses = r->same = r->met = 0;
+}
+
 static inline void vl_robot_release(vl_robot* r) {
     if (r->has_host) ++r->sessions;
     r->has_host = 0;
@@ -402,6 +408,7 @@ static inline vl_result vl_robot_check(vl_robot* r, const void* bytes, size_t si
     vl_command c;
     vl_session session;
     vl_result result;
+    uint64_t bit, chance = 0;
     const int is_first = !r->has_host;
     if (r->has_host && peer != r->peer) return VL_OTHER_SESSION; /* before any work is done for it */
     result = vl_decode_command(bytes, size, &r->key, &c, &session);
@@ -409,12 +416,20 @@ static inline vl_result vl_robot_check(vl_robot* r, const void* bytes, size_t si
     if (session.robot == 0) { /* hello */
         if (r->has_host) return session.host == r->session.host ? VL_OLD : VL_OTHER_SESSION;
         if (c.mode != VL_HOLD) return VL_OTHER_SESSION;
-        /* One of those that call in a tick is answered, each as likely as the others. */
-        if (++r->calls == 1 || vl_robot_number(r, r->tick, r->calls) / 2 % r->calls == 0) {
+        /* One of the addresses that call in a tick is answered, each as likely as the others, however often it calls. All calls
+        of an address are as likely as each other. */
+        bit = UINT64_C(1) << (vl_robot_number(r, ~r->tick, peer) >> 58);
+        if (!(r->met & bit))
+            chance = ++r->addresses;
+        else if (peer == r->caller)
+            chance = ++r->same;
+        if (chance && vl_robot_number(r, r->tick, ++r->calls) / 2 % chance == 0) {
+            if (!(r->met & bit)) r->same = 1;
             r->caller = peer;
             r->called.host = session.host;
             r->called.robot = vl_robot_number(r, session.host, peer);
         }
+        r->met |= bit;
         return VL_GOOD;
     }
     if (c.joints != r->joints) return VL_OTHER_JOINTS;
@@ -435,7 +450,7 @@ static inline vl_result vl_robot_check(vl_robot* r, const void* bytes, size_t si
         r->has_host = 1;
         r->peer = peer;
         r->session = session;
-        r->caller = r->calls = 0;
+        vl_robot_answered(r);
     }
     r->last_sequence = c.sequence;
     r->heard_tick = r->tick;
@@ -504,7 +519,7 @@ static inline size_t vl_robot_state(vl_robot* r, vl_state* s, uint8_t* packet) {
     s->flags &= ~(unsigned)(VL_HOLDS | VL_LAPSED);
     if (r->has_lapsed) s->flags |= VL_LAPSED;
     if (r->has_lapsed || r->acts != VL_TORQUE) s->flags |= VL_HOLDS;
-    r->caller = r->calls = 0; /* answered */
+    vl_robot_answered(r);
     return vl_encode_state(packet, s, r->has_host ? r->session : r->called, &r->key);
 }
 
