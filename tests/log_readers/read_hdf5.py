@@ -63,6 +63,8 @@ def check_column(name, texts, dataset):
     """The dataset's values, compared with the texts of the CSV bit by bit (all NaN are one)."""
     require(dataset.shape == (len(texts),), f"{name}: {dataset.shape} values for {len(texts)} rows")
     require(dataset.attrs.get("column") == name, f"{name}: its attribute `column` is {dataset.attrs.get('column')!r}")
+    meaning = dataset.attrs.get("meaning")
+    require(isinstance(meaning, str) and len(meaning) > 10 and "library adds" not in meaning, f"{name}: means {meaning!r}")
     if "words" in dataset.attrs:
         require(dataset.dtype == numpy.uint8, f"{name}: words of type {dataset.dtype}")
         require("units" not in dataset.attrs, f"{name}: words with a unit")

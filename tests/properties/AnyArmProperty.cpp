@@ -221,7 +221,7 @@ bool checkAnyArm(const Options& options) {
                         runCase(configureCase(readExperiment(file, free, loader, {}).cases.front()), {}).summary);
                     if (freeError > 0.0) ratio.add(error / freeError);
                 }
-                const double spread = s.commandMotion().spread();
+                const double spread = s.tool().spread();
                 const bool isHeldBack = isTool && !(error <= std::max(kGoodRatio * freeError, kGoodError));
                 const bool misses = isTool && error > std::max(kMissedShare * spread, kGoodError);
                 const bool isTold = !findProblems(result).empty();

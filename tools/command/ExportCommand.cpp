@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <map>
 
 #include "Commands.h"
 #include "records/LogExport.h"
@@ -32,9 +33,11 @@ void addExportCommand(CLI::App& app, int& exitCode) {
                      "Only the rows of that take: what the operator of a live arm recorded, from 1")
         ->check(CLI::PositiveNumber);
     command->callback([arguments, &exitCode] {
-        const std::string& format = arguments->target[0];
-        if (format != "csv" && format != "hdf5" && format != "mcap")
-            throw badInput("--to", "'" + format + "' is not a format that viable writes",
+        const std::map<std::string, decltype(&exportCsv)> formats = {
+            {"csv", exportCsv}, {"hdf5", exportHdf5}, {"mcap", exportMcap}};
+        const auto format = formats.find(arguments->target[0]);
+        if (format == formats.end())
+            throw badInput("--to", "'" + arguments->target[0] + "' is not a format that viable writes",
                            "Use `--to csv FILE`, `--to hdf5 FILE` or `--to mcap FILE`.");
         std::error_code failed;
         if (std::filesystem::equivalent(arguments->log, arguments->target[1], failed) && arguments->isReplacing)
@@ -45,12 +48,7 @@ void addExportCommand(CLI::App& app, int& exitCode) {
                          "viable: %s has no end (the run was killed or is still running): "
                          "every complete block of it is exported\n",
                          arguments->log.c_str());
-        if (format == "csv")
-            exportCsv(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
-        else if (format == "mcap")
-            exportMcap(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
-        else
-            exportHdf5(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
+        format->second(arguments->log, arguments->target[1], arguments->isReplacing, arguments->take);
         std::printf("wrote %s\n", arguments->target[1].c_str());
         exitCode = 0;
     });

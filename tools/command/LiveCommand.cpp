@@ -33,7 +33,7 @@ struct LiveArguments {
     std::optional<double> duration_s;
     double logLimit_MB = 4096.0;
     std::string page;
-    bool hasPage = false, fromHere = false, waits = false, noReport = false, noPriority = false;
+    bool hasPage = false, fromHere = false, waits = false, noReport = false, noPriority = false, details = false;
 };
 
 /** A square that a phone's camera reads. */
@@ -378,9 +378,7 @@ int goLive(const LiveArguments& arguments) {
     std::vector<CaseResult> results;
     results.push_back(session.finish());
     tellStage("while summary and report were written", PluginsRun::NoMore);
-    std::printf("\n");
-    tellResult(results.front());
-    int code = results.front().exitCode();
+    int code = tellResults(results, arguments.details);
     if (const int lost = tryWriteSummary(folder, experiment, results); code == 0) code = lost;
     if (arguments.noReport)
         std::printf("for a report: viable report %s\n", folder.c_str());
@@ -428,6 +426,7 @@ void addLiveCommand(CLI::App& app, int& exitCode) {
                      "(default: 4096)")
         ->check(CLI::Range(16.0, 1e9));
     command->add_flag("--no-report", arguments->noReport, "Log and summary only");
+    command->add_flag("--details", arguments->details, "Print the whole account of the case at its end");
     command->callback([arguments, page, &exitCode] {
         arguments->hasPage = page->count() > 0;
         exitCode = goLive(*arguments);

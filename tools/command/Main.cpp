@@ -128,6 +128,7 @@ int main(int argc, char** argv) {
     viable::addRobotsCommand(app, exitCode);
     viable::addGainsCommand(app, exitCode);
     viable::addExportCommand(app, exitCode);
+    viable::addColumnsCommand(app, exitCode);
     viable::addRecoverCommand(app, exitCode);
     viable::addReportCommand(app, exitCode);
     viable::addVerifyCommand(app, exitCode);

@@ -152,16 +152,6 @@ int replay(const RunArguments& arguments) {
     return 0;
 }
 
-/** Each once, with the cases that have it, and where the rest is. */
-void tellWarnings(const std::vector<CaseResult>& results) {
-    std::map<std::string, std::string> warnings;
-    for (const CaseResult& result : results)
-        for (const std::string& warning : result.warnings) detail::addItem(warnings[warning], result.name);
-    for (const auto& [warning, names] : warnings)
-        std::printf("%s\n", detail::wrap("WARNING (" + names + ") " + warning).c_str());
-    std::printf("\nall figures, remedies and the ranking of filters: --details, or summary.json\n");
-}
-
 int run(const RunArguments& arguments) {
     if (arguments.again) return replay(arguments);
     refuseLog(arguments.file);
@@ -197,22 +187,7 @@ int run(const RunArguments& arguments) {
     const auto [results, failure] = arguments.isolate ? runner.runHere() : runner.runAtOnce(jobs);
     tellStage("while summary and report were written", PluginsRun::NoMore);
 
-    std::printf("\n%s\n", formatComparison(results).c_str());
-    const std::string ranking = arguments.details ? formatRanking(results) : "";
-    if (!ranking.empty()) std::printf("%s\n", ranking.c_str());
-    int code = 0;
-    std::size_t width = 0;
-    for (const CaseResult& result : results) width = std::min<std::size_t>(24, std::max(width, result.name.size()));
-    for (const CaseResult& result : results) {
-        tellResult(result, arguments.details, width);
-        if (const int own = result.exitCode(); isGraver(own, code)) code = own;
-    }
-    if (const std::string order = formatOrder(results); !order.empty())
-        std::printf("\n%s\n", detail::wrap(order).c_str());
-    if (arguments.details)
-        std::printf("\n%s", kAccountLegend);
-    else
-        tellWarnings(results);
+    int code = tellResults(results, arguments.details);
     if (const int lost = tryWriteSummary(folder, experiment, results); code == 0) code = lost;
     if (getStopSignal() != 0)  // who stops a run wants it to end; the report would read all logs again
         std::printf("for a report: viable report %s\n", folder.c_str());

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <ctime>
+#include <map>
 #include <system_error>
 
 #include "Commands.h"
@@ -123,7 +124,7 @@ static void tellSentence(const CaseResult& result, std::size_t width) {
                 detail::wrap(sentence.text, width + 1, begin).c_str());
 }
 
-void tellResult(const CaseResult& result, bool inFull, std::size_t width) {
+static void tellResult(const CaseResult& result, bool inFull, std::size_t width) {
     if (inFull)
         std::printf("%s\n", formatDetails(result).c_str());
     else
@@ -137,6 +138,36 @@ void tellResult(const CaseResult& result, bool inFull, std::size_t width) {
                      "viable: case %s: the log could not be written to its end: %s. The run itself continued; free "
                      "space and run it again.\n",
                      result.name.c_str(), result.logError.c_str());
+}
+
+/** Each once, with the cases that have it, and where the rest is. */
+static void tellWarnings(const std::vector<CaseResult>& results) {
+    std::map<std::string, std::string> warnings;
+    for (const CaseResult& result : results)
+        for (const std::string& warning : result.warnings) detail::addItem(warnings[warning], result.name);
+    for (const auto& [warning, names] : warnings)
+        std::printf("%s\n", detail::wrap("WARNING (" + names + ") " + warning).c_str());
+    std::printf("\nall figures, remedies and the ranking of filters: --details, or summary.json\n");
+}
+
+int tellResults(const std::vector<CaseResult>& results, bool inFull) {
+    std::printf("\n%s\n", formatComparison(results).c_str());
+    const std::string ranking = inFull ? formatRanking(results) : "";
+    if (!ranking.empty()) std::printf("%s\n", ranking.c_str());
+    int code = 0;
+    std::size_t width = 0;
+    for (const CaseResult& result : results) width = std::min<std::size_t>(24, std::max(width, result.name.size()));
+    for (const CaseResult& result : results) {
+        tellResult(result, inFull, width);
+        if (const int own = result.exitCode(); isGraver(own, code)) code = own;
+    }
+    if (const std::string order = formatOrder(results); !order.empty())
+        std::printf("\n%s\n", detail::wrap(order).c_str());
+    if (inFull)
+        std::printf("\n%s", kAccountLegend);
+    else
+        tellWarnings(results);
+    return code;
 }
 
 int tryWriteSummary(const fs::path& folder, const Experiment& experiment, const std::vector<CaseResult>& results) {

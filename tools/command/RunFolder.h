@@ -30,9 +30,9 @@ private:
     int lock_ = -1;  // on the folder, as a sweep has one
 };
 
-/** The account of a case to the terminal, or its sentence; to the error stream, why it was stopped and what the log lacks.
-@param width  of the name before a sentence */
-void tellResult(const CaseResult& result, bool inFull = true, std::size_t width = 0);
+/** To the terminal: a table of the cases and a sentence on each, or in full each one's account and the ranking; to the error
+stream, why one was stopped and what its log lacks. @return  the gravest exit code */
+int tellResults(const std::vector<CaseResult>& results, bool inFull);
 
 /** Writes summary.json; where that fails, says so and returns the exit code, else 0. */
 int tryWriteSummary(const std::filesystem::path& folder, const Experiment& experiment,

@@ -14,6 +14,7 @@
 
 #include "core/ChildProcess.h"
 #include "realtime/TickPacer.h"
+#include "records/WorkShare.h"
 
 namespace viable {
 
@@ -223,14 +224,18 @@ Measurement measureMachine(const MeasureWish& wish) {
     const int turns = std::max(1, static_cast<int>(std::lround(wish.duration_s / (settings * kTurn_s))));
     const double turn_s = wish.duration_s / (settings * turns);
     for (int turn = 0; turn < turns; ++turn) {
+        const auto tell = [&](double more) { WorkShare::tell("measuring", (turn + more) / turns); };
+        tell(0.0);
         {
             Echoes echoes(nullptr);
             runTurn(turn_s, wish.tick_s, echoes, measurement.plain);
         }
+        tell(hasPriority ? 0.5 : 1.0);
         if (!hasPriority) continue;
         Echoes echoes(&anywhere);
         const RealTimeState state = enterRealTime(wish.realTime);
         runTurn(turn_s, wish.tick_s, echoes, measurement.priority);
+        tell(1.0);
     }
     return measurement;
 }

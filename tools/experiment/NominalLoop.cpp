@@ -93,7 +93,7 @@ int findRestless(const Loop& loop, int displaced) {
     DesiredJerk law;
     if (holdsJerk) law.configure(loop.gamma, dt);
     FilterDecision decision;
-    std::vector<JointFollowing> following(static_cast<std::size_t>(n));
+    std::vector<Following> following(static_cast<std::size_t>(n));
     for (std::int64_t k = 0; k < ticks; ++k) {
         const JointVector desired = -(loop.stiffness.lazyProduct(arm.q) + loop.damping.lazyProduct(arm.qd));
         if (holdsJerk) {
@@ -109,7 +109,10 @@ int findRestless(const Loop& loop, int displaced) {
             decision.holdAcceleration(desired.cwiseMax(-loop.acceleration).cwiseMin(loop.acceleration));
         }
         advanceNominal(decision, dt, arm);
-        for (int i = 0; i < n; ++i) following[static_cast<std::size_t>(i)].add(kScale * arm.q[i], 0.0, kInfinity, dt);
+        for (int i = 0; i < n; ++i) {
+            const Following::Point at(kScale * arm.q[i], 0.0, 0.0, 0.0);
+            following[static_cast<std::size_t>(i)].add(at, Following::Point::Zero(), at.norm(), {}, 0, dt);
+        }
         Eigen::Index farthest = 0;
         const double size = arm.q.cwiseAbs().maxCoeff(&farthest);
         if (!(size < kGrown * kDisplacement)) return static_cast<int>(farthest);

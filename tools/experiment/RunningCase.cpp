@@ -119,6 +119,24 @@ std::int64_t calcMostBraking(const JointLimits& limits, const JointVector& qd, d
     return std::llround(std::min(2.0 * longest_s / tick_s, 1e12));
 }
 
+/** The limits that nobody gave: neither the robot's maker nor the experiment. */
+LimitSet findAssumedLimits(const CasePlan& plan) {
+    LimitSet found;
+    const std::vector<std::string>& assumed = plan.robot.assumed;
+    const auto add = [&](LimitKind kind, const char* key, const JointBounds& own, const JointBounds& used) {
+        if (own.lower == used.lower && own.upper == used.upper &&
+            std::find(assumed.begin(), assumed.end(), key) != assumed.end())
+            found.set(kind);
+    };
+    const JointLimits &own = plan.robot.limits, &used = plan.limits;
+    add(LimitKind::Position, "position_rad", own.position, used.position);
+    add(LimitKind::Velocity, "velocity_radps", own.velocity, used.velocity);
+    add(LimitKind::Acceleration, "acceleration_radps2", own.acceleration, used.acceleration);
+    add(LimitKind::Jerk, "jerk_radps3", own.jerk, used.jerk);
+    add(LimitKind::Torque, "torque_limit_Nm", own.jerk, own.jerk);
+    return found;
+}
+
 }  // namespace
 
 CaseResult makeResult(const ConfiguredCase& configured) {
@@ -132,8 +150,13 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     result.summary.setSliding(std::move(slides));
     result.name = plan.name;
     result.assumed = plan.robot.assumed;
-    if (configured.plugins.command->traits().space == MotionCommand::Space::Tool)
-        result.tool = ToolFreedom(plan.robot, configured.setup.limits).describe();
+    result.assumedLimits = findAssumedLimits(plan);
+    if (configured.plugins.command->traits().space == MotionCommand::Space::Tool) {
+        const ToolFreedom freedom(plan.robot, configured.setup.limits);
+        const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
+        result.summary.setTask({freedom.place, freedom.all == 6, relative && relative->text == "true"});
+        result.tool = freedom.describe();
+    }
     result.controller = plan.controller.plugin.name;
     result.filter = plan.filterName();
     for (const auto& [key, block] : plan.resolved.entries)
@@ -142,8 +165,6 @@ CaseResult makeResult(const ConfiguredCase& configured) {
         result.robustLoop = plan.robustLoop->plugin.name;
         result.realPlant = plan.realPlant->plugin.name;
     }
-    const ConfigNode* relative = plan.controller.parameters.resolved().find("relative");
-    result.isRelative = relative && relative->text == "true";
     result.margins = configured.margins;
     result.warnings = detail::findUnlikelyValues(plan);
     result.guarantees = configured.plugins.filter->traits().guarantees;

@@ -40,7 +40,7 @@ void addJoints(const RobotDescription& robot, const std::string& what, LimitKind
     for (std::size_t k = 0; k < values.size(); ++k) {
         const int i = static_cast<int>(k) % robot.size();
         const double figure = getLargest(*own[static_cast<int>(kind) - 1], i);
-        const std::string meaning = explainUnlikely(values[k], figure, robot.slides(i), kind == LimitKind::Position);
+        const std::string meaning = explainUnlikely(values[k], figure, robot.slides(i), kind);
         if (meaning.empty()) continue;
         found.push_back(what + " of " + robot.joints[static_cast<std::size_t>(i)].name + " is " +
                         formatNumber(values[k]) + " " + getUnit(kind, robot.slides(i)) + ", " + meaning);
@@ -50,12 +50,16 @@ void addJoints(const RobotDescription& robot, const std::string& what, LimitKind
 
 }  // namespace
 
-std::string explainUnlikely(double value, double own, bool isLength, bool isPlace) {
-    constexpr double kMostPlace = 3.0, kLeastShare = 0.1, kMostShare = 1.25;  // of what the other unit would make of it
+std::string explainUnlikely(double value, double own, bool isLength, LimitKind kind) {
+    constexpr double kMostPlace = 3.0, kMostShare = 1.25;  // of what the other unit would make of it
+    // A jerk limit is free: only one that would be the robot's own in the other unit is a slip of it.
+    const bool isPlace = kind == LimitKind::Position, isJerk = kind == LimitKind::Jerk;
+    const double least = isJerk ? 1.0 / kMostShare : 0.1;
     const double factor = isLength ? 1e-3 : kDegree, share = std::abs(value) / own;
     if (!(own > 0.0 && std::isfinite(own) && std::isfinite(value))) return "";
-    if (!(share > (isPlace ? kMostPlace : kLeastShare / factor))) return "";
+    if (!(share > (isPlace ? kMostPlace : least / factor))) return "";
     const std::string text = formatPlain(share) + " times the robot's own " + formatPlain(own) + ": ";
+    if (isJerk && share * factor > kMostShare) return "";
     if (share * factor > kMostShare) return text + "check its unit and exponent";
     return text + (isLength ? "perhaps millimetres; write " + formatNumber(1e-3 * value)
                             : "perhaps degrees; write `" + formatNumber(value) + "*pi/180`");
@@ -100,7 +104,8 @@ std::vector<std::string> findUnlikelyValues(const CasePlan& plan) {
             addJoints(plan.robot, what, unit == "_rad" ? LimitKind::Position : LimitKind::Velocity, values, found);
         } else if (unit == "_m")
             for (const double value : listNumbers(node))
-                if (const auto meaning = explainUnlikely(value, calcReach(plan.robot), true, true); !meaning.empty())
+                if (const auto meaning = explainUnlikely(value, calcReach(plan.robot), true, LimitKind::Position);
+                    !meaning.empty())
                     found.push_back(what + " is " + formatNumber(value) + " m, " + meaning);
     }
     return found;

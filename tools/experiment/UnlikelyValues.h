@@ -6,8 +6,9 @@ namespace viable::detail {
 
 /** What a number far from the robot's own figure may mean: degrees, or millimetres where the figure is a length. Empty: it
 is near, or there is no figure.
-@param isPlace  a position, which is sensible up to 3 times the figure; else up to a tenth of what degrees would be */
-std::string explainUnlikely(double value, double own, bool isLength, bool isPlace);
+@param kind  of a position, which is sensible up to 3 times the figure, or of a jerk, which is sensible but from 0.8 to 1.25 times
+of what degrees would be; else sensible up to a tenth of that */
+std::string explainUnlikely(double value, double own, bool isLength, LimitKind kind);
 
 /** The first number of the start that is so; empty: none. A start is refused where it is outside the limits. */
 std::string findUnlikelyStart(const CasePlan& plan);

@@ -3,6 +3,7 @@
 #include <set>
 
 #include "core/WholeFile.h"
+#include "records/ColumnMeaning.h"
 #include "records/Hdf5ExportDriver.h"
 #include "records/LogExport.h"
 #include "records/LogExportColumns.h"
@@ -174,6 +175,7 @@ public:
                     target),
             H5Dclose);
         setTexts(set_->id(), "column", {column.name}, false, target);
+        setTexts(set_->id(), "meaning", {detail::explainColumn(column.name)}, false, target);
         if (!column_.isText()) setTexts(set_->id(), "units", {column.unit}, false, target);
     }
 

@@ -19,7 +19,7 @@ void exportCsv(const std::filesystem::path& log, const std::filesystem::path& cs
 
 /** Writes a log as HDF5: one dataset per column, named as in the CSV with / for the first and the last dot
 (/nominal/joint0/q_rad), all of equal length. A dataset's attributes: `column`, its name in the CSV; `units`, such
-as "rad/s^2" or "1"; for words (a limit, a status), which are small integers, instead the `words` that they stand
+as "rad/s^2" or "1"; `meaning`; for words (a limit, a status), which are small integers, instead the `words` that they stand
 for. Attributes of the root: what wrote the log, its metadata and attachments
 (the resolved experiment file, obstacles that were placed by hand). Errors as for exportCsv(). One thread at a time: the HDF5 library is not thread-safe. */
 void exportHdf5(const std::filesystem::path& log, const std::filesystem::path& hdf5, bool isReplacing = false,

@@ -4,27 +4,11 @@
 
 #include "core/Text.h"
 #include "log/LogMetadata.h"
+#include "records/ColumnMeaning.h"
 
 namespace viable::detail {
 
 namespace {
-
-/** A column's last letters, its unit, and both again for a joint that slides. */
-struct Unit {
-    const char *suffix, *text, *slidingSuffix, *slidingText;
-};
-
-constexpr Unit kUnits[] = {
-    {"rad", "rad", "m", "m"},
-    {"radps", "rad/s", "mps", "m/s"},
-    {"radps2", "rad/s^2", "mps2", "m/s^2"},
-    {"radps3", "rad/s^3", "mps3", "m/s^3"},
-    {"Nm", "Nm", "N", "N"},
-    {"m", "m", "m", "m"},
-    {"mps", "m/s", "mps", "m/s"},
-    {"s", "s", "s", "s"},
-    {"us", "us", "us", "us"},
-};
 
 ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>& prismaticJoints) {
     ExportColumn named{&column, column.name(), "/" + column.name(), column.isText() ? "" : "1"};
@@ -36,13 +20,12 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
                                    named.name.substr(first + 1, last - first - 1)) != prismaticJoints.end();
     const std::size_t suffix = named.name.rfind('_') + 1;
     if (suffix == 0 || (last != std::string::npos && suffix < last)) return named;
-    for (const Unit& unit : kUnits) {
-        if (named.name.compare(suffix, std::string::npos, unit.suffix) != 0) continue;
-        named.unit = slides ? unit.slidingText : unit.text;
+    if (const ColumnUnit* unit = findColumnUnit(named.name)) {
         if (slides) {
-            named.name.replace(suffix, std::string::npos, unit.slidingSuffix);
-            named.path.replace(suffix + 1, std::string::npos, unit.slidingSuffix);
+            named.name.replace(suffix, std::string::npos, unit->slidingSuffix);
+            named.path.replace(suffix + 1, std::string::npos, unit->slidingSuffix);
         }
+        named.unit = findColumnUnit(named.name)->text;
         return named;
     }
     for (const LimitKind kind : listArmLimits())  // a library's own unit

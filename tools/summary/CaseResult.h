@@ -13,9 +13,9 @@ struct CaseResult {
 
     std::string name;
     std::vector<std::string> assumed;  ///< figures of the robot that nobody gave
+    LimitSet assumedLimits;            ///< kinds that are such figures, motors' torques too
     std::string tool;                  ///< which directions a tool command gives up on this arm; empty: none
     std::string controller;            ///< plugin names, for tables
-    bool isRelative = false;           ///< the controller follows the command's motion, not its pose
     std::string filter;
     /** What the case is besides its filter, by key of the experiment file: cases are ranked where this is equal. */
     std::map<std::string, std::string> others;

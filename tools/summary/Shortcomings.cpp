@@ -18,13 +18,11 @@ constexpr double kSmallPhase_rad = 0.5 * kEnoughPhase_rad;
 constexpr double kSaturatedShare = 0.01;
 /** A robust loop that reverses its torque as often in the time at the limit is what drives the motor there [s]. */
 constexpr double kReversal_s = 0.025;
-/** A tool misses its command where its error is more than this share of how the command moves about its mean place: one
-that stands still there has 1. */
-constexpr double kMissedShare = 0.4;
-/** Nearer than this it does not miss [m]. */
-constexpr double kLeastMiss_m = 0.01;
-/** Nearer than this a joint does not miss [rad, m]. */
-constexpr double kLeastJointMiss = 0.01;
+/** A command is missed where the error is more than this share of how the command moves about its mean place: what stands
+still there has 1. One that rests for long enough is missed from the other share on. */
+constexpr double kMissedShare = 0.4, kMissedAtRest = 0.1;
+/** Nearer than this nothing misses: a tool [m], its orientation [rad], a joint [rad, m]. */
+constexpr double kLeastMiss_m = 0.01, kLeastTurnMiss = 0.05, kLeastJointMiss = 0.01;
 /** RMS jerk of joints that rest at a limit, as a share of the jerk limit, from which on they chatter. */
 constexpr double kChatter = 0.1;
 /** It swings where it misses and moves faster than this share of the command's speed; slower, it lags. */
@@ -107,13 +105,14 @@ void addMotors(const CaseResult& r, std::vector<std::string>& found) {
     const std::string swinging = listMotors(s, &MotorRecord::ticksSaturated, swings);
     const std::string motors =
         listMotors(s, &MotorRecord::ticksSaturated, [&](const MotorRecord& motor) { return !swings(motor); });
+    const std::string assumed = r.assumedLimits.has(LimitKind::Torque) ? ", which are assumed" : "";
     const std::string late = listMotors(s, &MotorRecord::ticksRateLimited, [](const MotorRecord&) { return true; });
     if (!swinging.empty())
-        found.push_back("the robust loop swings and drives motors to their torque limits: " + swinging +
+        found.push_back("the robust loop swings and drives motors to their torque limits" + assumed + ": " + swinging +
                         " of the ticks (smaller gains, or the true masses, inertias, rotors and delay: nric's gains "
                         "follow from them where they are left out)");
     if (!motors.empty())
-        found.push_back("motors are at their torque limits: " + motors +
+        found.push_back("motors are at their torque limits" + assumed + ": " + motors +
                         " of the ticks (lower the limits of acceleration and jerk, or use whole_arm_braking with a "
                         "torque_share below 1)");
     if (!late.empty())
@@ -124,40 +123,66 @@ void addMotors(const CaseResult& r, std::vector<std::string>& found) {
 /** What acted in at least this share of an error is its cause. */
 constexpr double kCauseShare = 0.5;
 
-bool isHeldOff(const ErrorCauses& causes) {
-    return causes.share(LimitKind::Clearance) >= kCauseShare;
+bool isHeldOff(const Following& f) {
+    return f.share(LimitKind::Clearance) >= kCauseShare;
 }
 
 /** "held off by obstacles or by itself, in 80 % of that error": what keeps an arm from its command, where that is no speed. One that
 swings is at its position limits again and again, which is not why. */
-std::string nameCause(const ErrorCauses& causes, bool swings, const char* otherwise) {
+std::string nameCause(const Following& f, bool swings, const char* otherwise) {
     if (swings) return otherwise;
-    if (isHeldOff(causes))
+    if (isHeldOff(f))
         return format("held off by the safety distance to obstacles or to itself, in %.0f %% of that error",
-                      100.0 * causes.share(LimitKind::Clearance));
+                      100.0 * f.share(LimitKind::Clearance));
     std::vector<std::pair<LimitKind, std::string>> kinds{{LimitKind::Torque, "torque"}};
     for (const LimitKind kind : listArmLimits()) kinds.emplace_back(kind, getLimitRow(kind).limitWord);
     kinds.emplace_back(LimitKind::Position, "position");
     for (const auto& [kind, name] : kinds)
-        if (causes.share(kind) >= kCauseShare)
-            return format("held by %s limits, in %.0f %% of that error", name.c_str(), 100.0 * causes.share(kind));
+        if (f.share(kind) >= kCauseShare)
+            return format("held by %s limits, in %.0f %% of that error", name.c_str(), 100.0 * f.share(kind));
     return otherwise;
+}
+
+/** How far something misses its command. */
+struct Miss {
+    double size = 0.0, error = 0.0;  ///< as a share of what is let pass, above 1: it misses; RMS [rad, m]
+    bool isAtRest = false;           ///< where the command rests, or jumped
+};
+
+Miss findMiss(const Following& f, double least, double tick_s) {
+    const double moving = f.judged().rms(tick_s), resting = f.atRest().rms(tick_s);
+    const auto show = [&](double rms) { return std::isnan(rms) ? f.errorRms() : rms; };
+    const Miss first{moving / std::max(kMissedShare * f.asked(), least), show(moving), f.jumps()};
+    const Miss second{resting / std::max(kMissedAtRest * f.asked(), least), resting, true};
+    return first.size > 1.0 || !(second.size > 1.0) ? first : second;
+}
+
+void tellMiss(const Following& f, const Miss& miss, const std::string& who, const std::string& error,
+              const std::string& asked, const char* otherwise, const std::string& hint,
+              std::vector<std::string>& found) {
+    const bool swings =
+        !miss.isAtRest && !isHeldOff(f) && f.targetSpeedRms() > 0.0 && f.speedRms() > f.targetSpeedRms();
+    found.push_back(who +
+                    (swings          ? " swings about its command: "
+                     : miss.isAtRest ? " is not at its command in the time that its limits need: "
+                                     : " misses its command: ") +
+                    error + " from it, RMS, where the command itself moves by " + asked + " (" +
+                    nameCause(f, swings, otherwise) + (isHeldOff(f) ? "" : hint) + ")");
 }
 
 void addCommand(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
-    const double error = s.toolErrorRms(), spread = s.commandMotion().spread();
-    if (r.isRelative || !(error > std::max(kMissedShare * spread, kLeastMiss_m))) return;
-    const ErrorCauses& causes = s.toolErrorCauses();
-    const bool swings = !isHeldOff(causes) && s.commandMotion().speedRms() > 0.0 &&
-                        s.toolMotion().speedRms() > kSwingingShare * s.commandMotion().speedRms();
-    found.push_back(format(
-        "the tool %s: %.3g mm and %.3g degrees from it, RMS, where the command itself moves by %.3g mm (%s%s)",
-        swings ? "swings about its command" : "misses its command", 1e3 * error, s.toolError().angleRms() / kDegree,
-        1e3 * spread, nameCause(causes, swings, "limits, obstacles or the arm's reach").c_str(),
-        r.controller == "tool_servo" || isHeldOff(causes)
-            ? ""
-            : "; where it is a jerk limit, tool_servo, which knows it, comes nearer"));
+    const Miss place = findMiss(s.tool(), kLeastMiss_m, s.tick_s());
+    const Miss turn = findMiss(s.turn(), kLeastTurnMiss, s.tick_s());
+    const bool isPlace = place.size > 1.0;
+    if (!isPlace && !(s.task().hasTurns && turn.size > 1.0)) return;
+    tellMiss(isPlace ? s.tool() : s.turn(), isPlace ? place : turn, isPlace ? "the tool" : "the tool's orientation",
+             format("%.3g mm and %.3g degrees", 1e3 * place.error, turn.error / kDegree),
+             format("%.3g mm", 1e3 * s.tool().asked()) +
+                 (isPlace ? "" : format(" and %.3g degrees", s.turn().asked() / kDegree)),
+             "limits, obstacles or the arm's reach",
+             r.controller == "tool_servo" ? "" : "; where it is a jerk limit, tool_servo, which knows it, comes nearer",
+             found);
 }
 
 /** In degrees, or in millimetres. */
@@ -165,37 +190,30 @@ std::string formatJointMove(const CaseResult& r, int joint, double size) {
     return r.summary.slides(joint) ? format("%.3g mm", 1e3 * size) : format("%.3g degrees", size / kDegree);
 }
 
-/** Joints that swing about a command at rest, or are far from one that moves as a joint can. */
+/** The joint that swings most about a command at rest, and of the others the one that misses its command most. */
 void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
-    const int n = static_cast<int>(s.jointNames().size());
     const auto name = [&](int i) { return s.jointNames()[static_cast<std::size_t>(i)]; };
     int swinging = 0, missing = -1;
-    double most = 1.0;
-    for (int i = 0; i < n; ++i) {
-        const JointFollowing& f = s.following(i);
+    Miss worst{1.0};
+    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
+        const Following& f = s.following(i);
         if (f.swing() > s.following(swinging).swing()) swinging = i;
-        const double miss = f.errorRms() / std::max(kMissedShare * f.spread(), kLeastJointMiss);
-        if (f.jumps() || f.targetSpeedRms() == 0.0 || !(miss > most)) continue;
-        most = miss;
+        const Miss miss = findMiss(f, kLeastJointMiss, s.tick_s());
+        if (!(miss.size > worst.size) || f.swing() > 0.0) continue;
+        worst = miss;
         missing = i;
     }
+    const bool knows = r.controller == "joint_servo";
     if (const double swing = s.following(swinging).swing(); swing > 0.0)
         found.push_back(name(swinging) + " swings about a command at rest, by " + formatJointMove(r, swinging, swing) +
                         " to each side: the limits keep it going, not the command (" +
-                        (r.controller == "joint_servo" ? "" : "joint_servo, which knows them, comes to rest; else ") +
+                        (knows ? "" : "joint_servo, which knows them, comes to rest; else ") +
                         "less stiffness, more damping, or higher limits of jerk and acceleration)");
-    if (missing < 0) return;
-    const JointFollowing& f = s.following(missing);
-    const ErrorCauses& causes = s.errorCauses(missing);
-    const bool swings = !isHeldOff(causes) && f.speedRms() > kSwingingShare * f.targetSpeedRms();
-    found.push_back(name(missing) + (swings ? " swings about its command: " : " misses its command: ") +
-                    formatJointMove(r, missing, f.errorRms()) + " from it, RMS, where the command itself moves by " +
-                    formatJointMove(r, missing, f.spread()) + " (" +
-                    nameCause(causes, swings, "limits, obstacles or a slow controller") +
-                    (r.controller == "joint_servo" || isHeldOff(causes)
-                         ? ")"
-                         : "; joint_servo, which knows the limits, comes nearer)"));
+    if (missing >= 0)
+        tellMiss(s.following(missing), worst, name(missing), formatJointMove(r, missing, worst.error),
+                 formatJointMove(r, missing, s.following(missing).asked()), "limits, obstacles or a slow controller",
+                 knows ? "" : "; joint_servo, which knows the limits, comes nearer", found);
 }
 
 /** The joints may not press as hard as was asked. */

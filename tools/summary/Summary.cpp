@@ -1,5 +1,7 @@
 #include "summary/Summary.h"
 
+#include <utility>
+
 #include "core/FarthestJoint.h"
 
 namespace viable {
@@ -12,21 +14,48 @@ constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest
 // What counts as a swing that does not die out, see JointFollowing::swing() [rad, m].
 constexpr double kLeastSwing = 0.005, kKeptShare = 0.7;
 constexpr int kHalfSwings = 6;
-/** A command that moves by more in a tick than this many times what the joint can jumps; or by this, where it has no limit
-[rad, m]. */
-constexpr double kFastestSpeeds = 2.0, kJump = 0.05;
+/** A command jumps that moves by more in a tick than this many times what the joint can; or by this, where it has no limit
+[rad, m]. It rested before, for longer than from one sample of a stream to the next [s]. */
+constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.11;
+/** Less is not judged [s]. */
+constexpr double kLeastJudged_s = 0.5;
+/** A tool is no nearer to the base than this, for the speeds that joints give it [m]. */
+constexpr double kLeastLever_m = 0.1;
 /** A torque that changes by as much as it may, less this share, is held back by that. */
 constexpr double kLeastCut = 1e-6;
 /** Of the motor's torque limit: the robust loop's torque that counts as a push to one side. */
 constexpr double kPushShare = 0.2;
 
-/** The commanded pose, moved up to the surface that holds the tool. */
-Pose findReachable(const TickRecord& record, const Pose& tool) {
-    Pose reachable = record.command.tool;
-    const TickRecord::Touch& touch = record.touch;
-    if (touch.isOn)
-        reachable.position += std::max(0.0, touch.normal.dot(tool.position - reachable.position)) * touch.normal;
-    return reachable;
+/** Of the joint that can least. */
+Pace findPace(const JointLimits& limits, double lever) {
+    const auto least = [&](const JointBounds& bounds) {
+        return lever * bounds.upper.cwiseMax(-bounds.lower).minCoeff();
+    };
+    return {least(limits.velocity), least(limits.acceleration), least(limits.jerk)};
+}
+
+Pace findJointPace(const JointLimits& limits, int i) {
+    const auto largest = [&](const JointBounds& bounds) { return std::max(-bounds.lower[i], bounds.upper[i]); };
+    return {largest(limits.velocity), largest(limits.acceleration), largest(limits.jerk)};
+}
+
+Following::Point makePoint(double x) {
+    return {x, 0.0, 0.0, 0.0};
+}
+
+double calcRms(double squared, std::int64_t ticks) {
+    return ticks > 0 ? std::sqrt(squared / static_cast<double>(ticks)) : kNan;
+}
+
+/** Of all joints together. */
+double calcRms(const std::vector<Following>& joints) {
+    double squared = 0.0;
+    std::int64_t ticks = 0;
+    for (const Following& joint : joints) {
+        squared += joint.squaredError();
+        ticks += joint.ticks();
+    }
+    return calcRms(squared, ticks);
 }
 
 }  // namespace
@@ -48,7 +77,7 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     acting_.resize(jointNames_.size());
     rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
     following_.resize(jointNames_.size());
-    causes_.resize(jointNames_.size());
+    realFollowing_.resize(jointNames_.size());
     squaredError_.setZero(static_cast<int>(jointNames_.size()));
     largestError_.setZero(static_cast<int>(jointNames_.size()));
     worstMargin_.value = std::numeric_limits<double>::infinity();
@@ -59,85 +88,75 @@ void Summary::setSliding(std::vector<bool> slides) {
     slides_ = std::move(slides);
 }
 
-void ErrorCauses::add(double squaredError, unsigned acting, double tick_s) {
+double Pace::duration(double way) const {
+    if (!(way > 0.0)) return 0.0;
+    const bool hasSpeed = std::isfinite(speed);
+    const double a = std::min(acceleration, hasSpeed ? std::sqrt(speed * jerk) : std::cbrt(way * jerk * jerk));
+    const double v = hasSpeed ? speed : std::sqrt(way * a);
+    const auto divide = [](double x, double y) { return std::isfinite(y) && y > 0.0 ? x / y : 0.0; };
+    return divide(way, v) + 2.0 * (divide(v, a) + divide(a, jerk));
+}
+
+double Following::Judged::rms(double tick_s) const {
+    return static_cast<double>(ticks) * tick_s >= kLeastJudged_s - 0.5 * tick_s ? calcRms(squared, ticks) : kNan;
+}
+
+void Following::add(const Point& at, const Point& target, double error, const Pace& pace, unsigned acting,
+                    double tick_s) {
+    const bool isFirst = std::exchange(isFirst_, false);
+    if (ticks_ == 0) first_ = target;
+    if (isFirst) {
+        lastTarget_ = target;
+        lastAt_ = at;
+    }
+    const double move = (target - lastTarget_).norm(), speed = pace.speed;
+    const double most = (std::isfinite(speed) ? kFastestSpeeds * speed * tick_s : kJump) + kOutsideShare;
+    patience_s_ -= tick_s;
+    arrival_s_ -= tick_s;
+    const bool jumps = isFirst ? ticks_ == 0 && error > kJump : rested_s_ > kLongestPeriod_s && move > most;
+    if (jumps) {
+        jump_ = std::max(jump_, error);
+        if (jumps_++ == 0 && moves_ == 0) judged_ = atRest_ = {};  // nothing was asked for before
+    } else if (move > 0.0) {
+        ++moves_;
+    }
+    if (isFirst || move > 0.0) arrival_s_ = pace.duration(error);
+    if (jumps || (isFirst && ticks_ > 0)) patience_s_ = arrival_s_ = pace.duration(error);
+    const double period_s = rested_s_ > kLongestPeriod_s ? tick_s : rested_s_ + tick_s;  // of the samples
+    rested_s_ = move > 0.0 ? 0.0 : rested_s_ + tick_s;
+    if (tick_s > 0.0 && !isFirst) {
+        squaredSpeed_ += (at - lastAt_).squaredNorm() / (tick_s * tick_s);
+        squaredTargetSpeed_ += move * move / (tick_s * period_s);
+    }
+    addSwing(at[0] - target[0], move == 0.0);
+    lastTarget_ = target;
+    lastAt_ = at;
+    sum_ += target - first_;  // small numbers, so that their squares are no differences of large ones
+    squared_ += (target - first_).squaredNorm();
+    squaredError_ += error * error;
+    largest_ = std::max(largest_, error);
+    ++ticks_;
+    for (auto [account, wait_s] : {std::pair{&judged_, patience_s_}, std::pair{&atRest_, arrival_s_}}) {
+        if (wait_s > 0.0 || (account == &atRest_ && rested_s_ <= kLongestPeriod_s)) continue;
+        account->squared += error * error;
+        ++account->ticks;
+    }
+    addCauses(error * error, acting, tick_s);
+}
+
+void Following::addCauses(double squaredError, unsigned acting, double tick_s) {
     constexpr unsigned kHeldOff = 1u << static_cast<unsigned>(LimitKind::Clearance);
     heldOff_s_ = acting & kHeldOff ? kWayBack_s : heldOff_s_ - tick_s;
     if (heldOff_s_ > 0.0) acting |= kHeldOff;
-    squared_ += squaredError;
     for (std::size_t k = 0; k < squaredBy_.size(); ++k)
         if (acting >> k & 1u) squaredBy_[k] += squaredError;
 }
 
-double ErrorCauses::share(LimitKind kind) const {
-    return squared_ > 0.0 ? squaredBy_[static_cast<std::size_t>(kind)] / squared_ : 0.0;
+double Following::share(LimitKind kind) const {
+    return squaredError_ > 0.0 ? squaredBy_[static_cast<std::size_t>(kind)] / squaredError_ : 0.0;
 }
 
-void ToolErrorRecord::add(const Pose& tool, const Pose& commanded) {
-    const double e = (tool.position - commanded.position).norm();
-    const double angle = tool.orientation.angularDistance(commanded.orientation.normalized());
-    squared_ += e * e;
-    squaredAngle_ += angle * angle;
-    largest_ = std::max(largest_, e);
-    ++ticks_;
-}
-
-double ToolErrorRecord::rms() const {
-    return ticks_ ? std::sqrt(squared_ / static_cast<double>(ticks_)) : kNan;
-}
-
-double ToolErrorRecord::angleRms() const {
-    return ticks_ ? std::sqrt(squaredAngle_ / static_cast<double>(ticks_)) : kNan;
-}
-
-double ToolErrorRecord::largest() const {
-    return ticks_ ? largest_ : kNan;
-}
-
-void PointMotion::add(const Eigen::Vector3d& p, double tick_s) {
-    if (ticks_ == 0) first_ = p;
-    if (ticks_ > 0 && tick_s > 0.0) {
-        squaredSpeed_ += (p - last_).squaredNorm() / (tick_s * tick_s);
-        ++steps_;
-    }
-    last_ = p;
-    sum_ += p - first_;  // small numbers, so that their squares are no differences of large ones
-    squared_ += (p - first_).squaredNorm();
-    ++ticks_;
-}
-
-double PointMotion::spread() const {
-    if (ticks_ == 0) return 0.0;
-    const double count = static_cast<double>(ticks_);
-    return std::sqrt(std::max(0.0, squared_ / count - (sum_ / count).squaredNorm()));
-}
-
-double PointMotion::speedRms() const {
-    return steps_ ? std::sqrt(squaredSpeed_ / static_cast<double>(steps_)) : 0.0;
-}
-
-void JointFollowing::add(double q, double target, double fastest, double tick_s) {
-    if (ticks_ == 0) {
-        first_ = lastTarget_ = target;
-        lastQ_ = q;
-        jumps_ = std::abs(q - target) > kJump;
-    }
-    const double move = target - lastTarget_, error = q - target;
-    jumps_ |= std::abs(move) > (std::isfinite(fastest) ? kFastestSpeeds * fastest * tick_s : kJump) + kOutsideShare;
-    if (tick_s > 0.0) {
-        squaredSpeed_ += (q - lastQ_) * (q - lastQ_) / (tick_s * tick_s);
-        squaredTargetSpeed_ += move * move / (tick_s * tick_s);
-    }
-    addSwing(error, move == 0.0);
-    lastTarget_ = target;
-    lastQ_ = q;
-    sum_ += target - first_;
-    squared_ += (target - first_) * (target - first_);
-    squaredError_ += error * error;
-    largest_ = std::max(largest_, std::abs(error));
-    ++ticks_;
-}
-
-void JointFollowing::addSwing(double error, bool isAtRest) {
+void Following::addSwing(double error, bool isAtRest) {
     if (!isAtRest) {
         side_ = peak_ = lastPeak_ = 0.0;
         halfSwings_ = 0;
@@ -154,26 +173,26 @@ void JointFollowing::addSwing(double error, bool isAtRest) {
     if (side_ * error > 0.0) peak_ = std::max(peak_, size);
 }
 
-double JointFollowing::errorRms() const {
-    return ticks_ ? std::sqrt(squaredError_ / static_cast<double>(ticks_)) : kNan;
+double Following::errorRms() const {
+    return calcRms(squaredError_, ticks_);
 }
 
-double JointFollowing::largestError() const {
+double Following::largestError() const {
     return ticks_ ? largest_ : kNan;
 }
 
-double JointFollowing::spread() const {
+double Following::spread() const {
     if (ticks_ == 0) return 0.0;
-    const double count = static_cast<double>(ticks_), mean = sum_ / count;
-    return std::sqrt(std::max(0.0, squared_ / count - mean * mean));
+    const double count = static_cast<double>(ticks_);
+    return std::sqrt(std::max(0.0, squared_ / count - (sum_ / count).squaredNorm()));
 }
 
-double JointFollowing::speedRms() const {
-    return ticks_ > 1 ? std::sqrt(squaredSpeed_ / static_cast<double>(ticks_ - 1)) : 0.0;
+double Following::speedRms() const {
+    return ticks_ > 1 ? calcRms(squaredSpeed_, ticks_ - 1) : 0.0;
 }
 
-double JointFollowing::targetSpeedRms() const {
-    return ticks_ > 1 ? std::sqrt(squaredTargetSpeed_ / static_cast<double>(ticks_ - 1)) : 0.0;
+double Following::targetSpeedRms() const {
+    return ticks_ > 1 ? calcRms(squaredTargetSpeed_, ticks_ - 1) : 0.0;
 }
 
 double InterventionRecord::torqueRms() const {
@@ -229,31 +248,60 @@ bool Summary::hasJointCommand(const TickRecord& record) const {
 }
 
 void Summary::addCommand(int i, const TickRecord& record) {
-    if (!hasJointCommand(record) || record.paused || record.touch.isOn) return;
+    if (!hasJointCommand(record)) return;
+    if (record.paused || record.touch.isOn) return following_[static_cast<std::size_t>(i)].skip();
     const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
-    const double e = record.nominal.q[i] - target;
-    squaredCommandError_ += e * e;
-    causes_[static_cast<std::size_t>(i)].add(e * e, actingKinds_, tick_s_);
-    ++commandTicks_;
-    following_[static_cast<std::size_t>(i)].add(
-        record.nominal.q[i], target, std::max(-bounds_.velocity.lower[i], bounds_.velocity.upper[i]), tick_s_);
-    if (!hasRealPlant_ || !record.hasReading) return;
-    ++realCommandTicks_;
-    const double real = record.actual.q[i] - target;
-    squaredRealCommandError_ += real * real;
+    const auto add = [&](std::vector<Following>& joints, double q) {
+        joints[static_cast<std::size_t>(i)].add(makePoint(q), makePoint(target), std::abs(q - target),
+                                                findJointPace(bounds_, i), actingKinds_, tick_s_);
+    };
+    add(following_, record.nominal.q[i]);
+    if (hasRealPlant_ && record.hasReading) add(realFollowing_, record.actual.q[i]);
+}
+
+/** The pose that is asked of a tool: the commanded one, moved up to the surface that holds it. */
+Pose Summary::findAsked(const TickRecord& record, const Pose& tool) const {
+    Pose asked = record.command.tool;
+    asked.orientation.normalize();
+    if (task_.isRelative)
+        asked = {toolOrigin_.position + asked.position - commandOrigin_.position,
+                 asked.orientation * commandOrigin_.orientation.conjugate() * toolOrigin_.orientation};
+    const TickRecord::Touch& touch = record.touch;
+    if (touch.isOn) asked.position += std::max(0.0, touch.normal.dot(tool.position - asked.position)) * touch.normal;
+    return asked;
 }
 
 void Summary::addTool(const TickRecord& record) {
-    if (record.command.space != MotionCommand::Space::Tool || record.paused) return;
-    const Pose command = findReachable(record, record.tool);
-    toolError_.add(record.tool, command);
-    toolCauses_.add((record.tool.position - command.position).squaredNorm(), actingKinds_, tick_s_);
-    if (hasRealPlant_ && record.hasReading && reference_.calcTool) {
-        const Pose tool = reference_.calcTool(record.actual.q);
-        realToolError_.add(tool, findReachable(record, tool));
+    if (record.command.space != MotionCommand::Space::Tool) return;
+    if (record.paused) {
+        tool_.skip();
+        return turn_.skip();
     }
-    commandMotion_.add(record.command.tool.position, tick_s_);
-    toolMotion_.add(record.tool.position, tick_s_);
+    if (tool_.ticks() == 0) {
+        commandOrigin_ = record.command.tool;
+        commandOrigin_.orientation.normalize();
+        toolOrigin_ = record.tool;
+    }
+    const Pace pace = findPace(bounds_, std::max(kLeastLever_m, record.tool.position.norm()));
+    const auto add = [&](Following& place, Following& turn, const Pose& tool) {
+        const Pose asked = findAsked(record, tool);
+        const auto point = [&](const Pose& pose) {
+            const Eigen::Vector3d p = task_.ways * pose.position;
+            return Following::Point(p.x(), p.y(), p.z(), 0.0);
+        };
+        place.add(point(tool), point(asked), (task_.ways * (tool.position - asked.position)).norm(), pace, actingKinds_,
+                  tick_s_);
+        const auto twice = [](const Pose& pose, const Following::Point& near) -> Following::Point {
+            const Following::Point q = 2.0 * pose.orientation.coeffs();
+            return q.dot(near) < 0.0 ? -q : q;
+        };
+        const Following::Point target = twice(asked, turn.lastTarget());
+        turn.add(twice(tool, target), target, tool.orientation.angularDistance(asked.orientation),
+                 findPace(bounds_, 1.0), actingKinds_, tick_s_);
+    };
+    add(tool_, turn_, record.tool);
+    if (hasRealPlant_ && record.hasReading && reference_.calcTool)
+        add(realTool_, realTurn_, reference_.calcTool(record.actual.q));
 }
 
 void Summary::addRest(int i, const TickRecord& record) {
@@ -495,11 +543,11 @@ double Summary::changedShare() const {
 }
 
 double Summary::commandErrorRms() const {
-    return commandTicks_ ? std::sqrt(squaredCommandError_ / static_cast<double>(commandTicks_)) : kNan;
+    return calcRms(following_);
 }
 
 double Summary::realCommandErrorRms() const {
-    return realCommandTicks_ ? std::sqrt(squaredRealCommandError_ / static_cast<double>(realCommandTicks_)) : kNan;
+    return calcRms(realFollowing_);
 }
 
 double Summary::jerkRms() const {

@@ -40,76 +40,78 @@ struct RealArmReference {
     JointVector torqueRate{};  ///< fastest change of the motors' torque [Nm/s]; empty: not looked at
 };
 
-/** What held an arm back while it was away from its command. */
-class ErrorCauses {
-public:
-    /** @param acting  what acted on any joint: bit k for the LimitKind k */
-    void add(double squaredError, unsigned acting, double tick_s);
-    /** Of the sum of squared errors: the part while a limit of that kind acted on a joint, 0 to 1. A clearance counts for
-    kWayBack_s more: an arm that was held off has its way back before it. */
-    double share(LimitKind kind) const;
-
-    static constexpr double kWayBack_s = 1.0;
-
-private:
-    double squared_ = 0.0;
-    std::array<double, kMostLimitKinds> squaredBy_{};
-    double heldOff_s_ = 0.0;  // that is left of it
+/** What a joint or a tool can do: largest speed, acceleration and jerk. */
+struct Pace {
+    double speed = kInfinity, acceleration = kInfinity, jerk = kInfinity;
+    /** Of a way, whatever the motion at its begin: the way at that speed, and twice the time of a start and a stop [s]. */
+    double duration(double way) const;
 };
 
-/** How far a tool was from the commanded one, over ticks. */
-class ToolErrorRecord {
+/** How something followed its command: a joint's position in the first entry, the command moved into the position limits
+[rad, m], a tool's position [m], or its orientation, as twice its quaternion of the same sign [rad]. */
+class Following {
 public:
-    void add(const Pose& tool, const Pose& commanded);
-    double rms() const;       ///< of the distance [m]; not a number without ticks
-    double angleRms() const;  ///< of the angle [rad]
-    double largest() const;   ///< distance [m]
+    using Point = Eigen::Vector4d;
+    /** @param error  its size  @param acting  the limits that act: bit k for the LimitKind k */
+    void add(const Point& at, const Point& target, double error, const Pace& pace, unsigned acting, double tick_s);
 
-private:
-    double squared_ = 0.0, squaredAngle_ = 0.0, largest_ = 0.0;
-    std::int64_t ticks_ = 0;
-};
-
-/** How a point moved: how far it was from its mean place, and how fast. */
-class PointMotion {
-public:
-    void add(const Eigen::Vector3d& p, double tick_s);
-    double spread() const;    ///< RMS distance from the mean place [m]
-    double speedRms() const;  ///< [m/s]
-
-private:
-    Eigen::Vector3d first_ = Eigen::Vector3d::Zero(), last_ = Eigen::Vector3d::Zero(), sum_ = Eigen::Vector3d::Zero();
-    double squared_ = 0.0, squaredSpeed_ = 0.0;
-    std::int64_t ticks_ = 0, steps_ = 0;
-};
-
-/** How a joint of the nominal arm followed its command, the command moved into the position limits [rad, m]. */
-class JointFollowing {
-public:
-    /** @param fastest  largest speed of the joint; infinite where it has no limit */
-    void add(double q, double target, double fastest, double tick_s);
+    /** Ticks were left out: the way back from them counts as that of a jump. */
+    void skip() { isFirst_ = true; }
+    const Point& lastTarget() const { return lastTarget_; }
+    double squaredError() const { return squaredError_; }  ///< sum over the ticks
+    std::int64_t ticks() const { return ticks_; }
     double errorRms() const;        ///< not a number without ticks
     double largestError() const;    ///< likewise
     double spread() const;          ///< RMS distance of the command from its mean place
-    double speedRms() const;        ///< of the joint [rad/s]
-    double targetSpeedRms() const;  ///< of the command [rad/s]
-    /** The command begins far from the joint, or moved faster than a joint can: set-points, which no joint follows at once. */
-    bool jumps() const { return jumps_; }
-    /** Largest amplitude of a swing about a command at rest that did not die out: six half-swings in a row of 0.005 and
+    double speedRms() const;        ///< [rad/s, m/s]
+    double targetSpeedRms() const;  ///< of the command
+    /** Of the sum of squared errors: the part while a limit of that kind acted on a joint, 0 to 1. A clearance counts for
+    kWayBack_s more: an arm that was held off has its way back before it. */
+    double share(LimitKind kind) const;
+    static constexpr double kWayBack_s = 1.0;
+
+    /** The command jumps, at its begin or after rests, and moves no more often: it is one of set-points. */
+    bool jumps() const { return jumps_ > 0 && jumps_ >= moves_; }
+    /** What is asked for: the command's spread, of set-points also half the largest distance to one when it came. */
+    double asked() const { return jumps() ? std::max(spread(), jump_ / 2.0) : spread(); }
+    /** The ticks that are judged: all but those of Pace::duration() after a jump, which no arm follows at once; and of a
+    command that rests those after that time. */
+    struct Judged {
+        double squared = 0.0;
+        std::int64_t ticks = 0;
+        /** Not a number with less than half a second. */
+        double rms(double tick_s) const;
+    };
+    const Judged& judged() const { return judged_; }
+    const Judged& atRest() const { return atRest_; }
+    /** Largest amplitude of a joint's swing about a command at rest that did not die out: six half-swings in a row of 0.005 and
     more, none less than 0.7 of the one before. 0: none. */
     double swing() const { return swing_; }
 
 private:
     void addSwing(double error, bool isAtRest);
+    void addCauses(double squaredError, unsigned acting, double tick_s);
 
-    double first_ = 0.0, lastTarget_ = 0.0, lastQ_ = 0.0;
-    double sum_ = 0.0, squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0,
-           squaredTargetSpeed_ = 0.0;
+    Point first_ = Point::Zero(), lastAt_ = first_, lastTarget_ = first_, sum_ = first_;
+    double squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0, squaredTargetSpeed_ = 0.0;
     std::int64_t ticks_ = 0;
-    bool jumps_ = false;
+    bool isFirst_ = true;
+    double jump_ = 0.0;
+    std::int64_t jumps_ = 0, moves_ = 0;
+    double rested_s_ = 0.0, patience_s_ = 0.0, arrival_s_ = 0.0;  // of the command; left after a jump; after any motion
+    Judged judged_, atRest_;
+    std::array<double, kMostLimitKinds> squaredBy_{};
+    double heldOff_s_ = 0.0;                           // that is left of it
     double side_ = 0.0, peak_ = 0.0, lastPeak_ = 0.0;  // of the half-swing that goes on; of the one before
     int halfSwings_ = 0;
     double swing_ = 0.0;
+};
+
+/** What of a tool command is a task of this arm. */
+struct ToolTask {
+    Eigen::Matrix3d ways = Eigen::Matrix3d::Identity();  ///< projects on directions in which the joints move the tool
+    bool hasTurns = true;                                ///< false: the joints give some directions up, turns first
+    bool isRelative = false;  ///< the command's motion counts from where the tool is at the start
 };
 
 /** When the real arm, as measured, was first farther from the nominal one than its bound. */
@@ -197,19 +199,19 @@ public:
     double commandErrorRms() const;
     /** RMS over ticks of the distance between the nominal tool and the commanded one [m]; not a number without tool
     commands. */
-    double toolErrorRms() const { return toolError_.rms(); }
-    double toolErrorMax() const { return toolError_.largest(); }  ///< [m]
-    const ToolErrorRecord& toolError() const { return toolError_; }
-    const ErrorCauses& toolErrorCauses() const { return toolCauses_; }  ///< of its distance
-    const ErrorCauses& errorCauses(int joint) const { return causes_[static_cast<std::size_t>(joint)]; }
-    /** Of the real arm's tool (its true state, where the plant knows it). */
-    const ToolErrorRecord& realToolError() const { return realToolError_; }
+    double toolErrorRms() const { return tool_.errorRms(); }
+    /** The nominal tool's position and orientation, and the real one's (its true state, where the plant knows it); without
+    ticks where there are no tool commands. */
+    const Following& tool() const { return tool_; }
+    const Following& turn() const { return turn_; }
+    const Following& realTool() const { return realTool_; }
+    const Following& realTurn() const { return realTurn_; }
     /** Of a joint with joint commands; without ticks otherwise. */
-    const JointFollowing& following(int joint) const { return following_[static_cast<std::size_t>(joint)]; }
+    const Following& following(int joint) const { return following_[static_cast<std::size_t>(joint)]; }
     /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
     double realCommandErrorRms() const;
-    const PointMotion& commandMotion() const { return commandMotion_; }  ///< of a commanded tool
-    const PointMotion& toolMotion() const { return toolMotion_; }        ///< of the nominal one that follows it
+    void setTask(const ToolTask& task) { task_ = task; }
+    const ToolTask& task() const { return task_; }
     /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3, m/s^3]. */
     double jerkRms() const;
     /** RMS jerk of joints that a joint command presses against a position limit at rest, as a share of the jerk limit.
@@ -285,6 +287,7 @@ private:
     bool hasJointCommand(const TickRecord& record) const;
     void addCommand(int joint, const TickRecord& record);
     void addTool(const TickRecord& record);
+    Pose findAsked(const TickRecord& record, const Pose& tool) const;
     void addRest(int joint, const TickRecord& record);
     void addReading(const TickRecord& record);
     void addContact(const TickRecord& record);
@@ -337,17 +340,12 @@ private:
     std::vector<RestPeriod> rests_;
     double squaredRestJerk_ = 0.0;  // of jerk / limit
     double rested_s_ = 0.0;
-    std::int64_t restTicks_ = 0;  // joint-ticks
-    double squaredCommandError_ = 0.0;
-    std::int64_t commandTicks_ = 0;  // joint-ticks
-    double squaredRealCommandError_ = 0.0;
-    std::int64_t realCommandTicks_ = 0;  // joint-ticks with a reading
-    std::vector<JointFollowing> following_;
-    std::vector<ErrorCauses> causes_;  // likewise
-    ErrorCauses toolCauses_;
-    unsigned actingKinds_ = 0;  // in this tick, see ErrorCauses
-    ToolErrorRecord toolError_, realToolError_;
-    PointMotion commandMotion_, toolMotion_;
+    std::int64_t restTicks_ = 0;                        // joint-ticks
+    std::vector<Following> following_, realFollowing_;  // by joint
+    Following tool_, turn_, realTool_, realTurn_;
+    ToolTask task_;
+    Pose commandOrigin_, toolOrigin_;  // where both were first
+    unsigned actingKinds_ = 0;         // in this tick
     double squaredJerk_ = 0.0;
     bool broken_ = false;
     std::vector<LimitAccount> accounts_;

@@ -287,16 +287,17 @@ std::vector<SummaryFigure> makeFigures() {
         .column("real.command_error.rms_rad", "rad", "RMS distance of the real joints to those commanded");
     t.add("tool_error_rms_m", &Summary::toolErrorRms)
         .column("tool_error.rms_m", "m", "RMS distance of the nominal tool to the one commanded");
-    t.add("tool_error_max_m", &Summary::toolErrorMax)
-        .column("tool_error.max_m", "m", "Largest distance of the nominal tool to the one commanded");
+    t.add("tool_error_max_m", [](S s) {
+         return s.tool().largestError();
+     }).column("tool_error.max_m", "m", "Largest distance of the nominal tool to the one commanded");
     t.add("tool_error_rms_rad", [](S s) {
-         return s.toolError().angleRms();
+         return s.turn().errorRms();
      }).column("tool_error.rms_rad", "rad", "RMS angle between the nominal tool and the one commanded");
     t.add("real_tool_error_rms_m", [](S s) {
-         return s.realToolError().rms();
+         return s.realTool().errorRms();
      }).column("real.tool_error.rms_m", "m", "RMS distance of the real tool to the one commanded");
-    t.add("real_tool_error_max_m", [](S s) { return s.realToolError().largest(); });
-    t.add("real_tool_error_rms_rad", [](S s) { return s.realToolError().angleRms(); });
+    t.add("real_tool_error_max_m", [](S s) { return s.realTool().largestError(); });
+    t.add("real_tool_error_rms_rad", [](S s) { return s.realTurn().errorRms(); });
     t.add("jerk_rms_radps3", &Summary::jerkRms).column("jerk.rms_radps3", "rad/s^3", "RMS jerk of the nominal joints");
     t.add("chatter", &Summary::chatter);
     t.add("tripped", [](R r) { return hasTripped(r) || r.stopReason == StopReason::NotFollowing; });

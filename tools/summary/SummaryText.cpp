@@ -246,24 +246,32 @@ std::string formatShortcomings(const CaseResult& r) {
 std::string formatCommandErrors(const CaseResult& r) {
     const Summary& s = r.summary;
     std::string text;
-    const auto add = [&](const char* arm, const ToolErrorRecord& error) {
-        if (std::isnan(error.rms())) return;
+    const auto add = [&](const char* arm, const Following& tool, const Following& turn) {
+        if (tool.ticks() == 0) return;
         text += format("%s %s tool %.4g mm and %.3g degrees RMS, at most %.4g mm", text.empty() ? "" : ";", arm,
-                       1e3 * error.rms(), error.angleRms() / kDegree, 1e3 * error.largest());
+                       1e3 * tool.errorRms(), turn.errorRms() / kDegree, 1e3 * tool.largestError());
     };
-    add("nominal", s.toolError());
-    add("real", s.realToolError());
+    add("nominal", s.tool(), s.turn());
+    add("real", s.realTool(), s.realTurn());
+    if (s.tool().ticks() > 0)
+        text += format("; the command moves by %.4g mm and %.3g degrees", 1e3 * s.tool().asked(),
+                       s.turn().asked() / kDegree);
     if (!std::isnan(s.commandErrorRms())) {
         const Sliding sliding = findSliding(s);
         const double unit = sliding == Sliding::None ? kDegree : 1e-3;
         const char* const name = choose(sliding, "degrees", "mrad and mm", "mm");
+        const int n = static_cast<int>(s.jointNames().size());
         int farthest = 0;
-        for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
+        std::string joints;
+        for (int i = 0; i < n; ++i) {
             if (s.following(i).largestError() > s.following(farthest).largestError()) farthest = i;
+            joints += format("  %.3g / %.3g", s.following(i).errorRms() / unit, s.following(i).asked() / unit);
+        }
         text += format(" nominal joints %.4g %s RMS, at most %.4g (%s)", s.commandErrorRms() / unit, name,
                        s.following(farthest).largestError() / unit,
                        s.jointNames()[static_cast<std::size_t>(farthest)].c_str());
         if (s.hasRealPlant()) text += format("; real joints %.4g %s RMS", s.realCommandErrorRms() / unit, name);
+        text += format("\n  of what moves RMS error / what the command moves by, per joint [%s]", name) + joints;
     }
     return text.empty() ? "" : "  command      " + text + "\n";
 }
@@ -451,15 +459,19 @@ std::string formatLive(const LiveTiming& live) {
     return text + "\n";
 }
 
-}  // namespace
-
-namespace {
-
 /** "the arm collided": of the first guarantee that was broken; empty: none was. */
 std::string nameBroken(const CaseResult& r) {
     for (const LimitAccount& account : r.summary.accounts())
         if (r.brokenGuarantees().has(account.kind)) return getLimitRow(account.kind).broken;
     return "";
+}
+
+/** "acceleration and jerk limits are assumed": those of the joints that the verdict rests on; empty: none. */
+std::string tellAssumed(const CaseResult& r, const char* before) {
+    std::string kinds;
+    for (const LimitKind kind : kNominalKinds)
+        if (r.assumedLimits.has(kind)) addItem(kinds, getName(kind, LimitSide::Neither), " and ");
+    return kinds.empty() ? "" : before + ("those of " + kinds) + " are assumed";
 }
 
 /** What ended a run, or broke a guarantee; empty: nothing. */
@@ -479,11 +491,45 @@ std::string formatThousandths(const Summary& s, double x) {
 
 /** "42.5 mm 5.03 deg": how far an arm was from its command, RMS; empty: there is none. */
 std::string formatCommandError(const Summary& s, bool isReal) {
-    const ToolErrorRecord& tool = isReal ? s.realToolError() : s.toolError();
-    if (!std::isnan(tool.rms())) return format("%.3g mm %.3g deg", 1e3 * tool.rms(), tool.angleRms() / kDegree);
+    const Following &tool = isReal ? s.realTool() : s.tool(), &turn = isReal ? s.realTurn() : s.turn();
+    if (tool.ticks() > 0) return format("%.3g mm %.3g deg", 1e3 * tool.errorRms(), turn.errorRms() / kDegree);
     const double error = isReal ? s.realCommandErrorRms() : s.commandErrorRms();
     if (std::isnan(error) || (isReal && !s.hasRealPlant())) return "";
     return formatThousandths(s, error);
+}
+
+/** What moves by less stands [rad, m]. */
+constexpr double kLeastAsked = 1e-3;
+
+/** "the arm was 31.9 mm 7.03 deg from its command, RMS (the real one ...), where the command itself moves by 120 mm": of one that follows. */
+std::string tellFollowing(const Summary& s) {
+    const std::string error = formatCommandError(s, false), real = formatCommandError(s, true);
+    if (error.empty()) return "";
+    std::string text =
+        "the arm was " + error + " from its command, RMS" + (real.empty() ? "" : " (the real one " + real + ")");
+    if (s.tool().ticks() > 0)
+        return text + format(", where the command itself moves by %.3g mm", 1e3 * s.tool().asked()) +
+               (s.task().hasTurns ? "" : "; the arm cannot turn its tool as it likes: its place counts");
+    int worst = -1;
+    double most = -1.0;
+    bool jumps = false;
+    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
+        const Following& f = s.following(i);
+        jumps |= f.jumps();
+        const double share = f.judged().rms(s.tick_s()) / f.asked();
+        if (!(share > most && f.asked() > kLeastAsked)) continue;
+        most = share;
+        worst = i;
+    }
+    if (jumps) text += ", the ways to its set-points included";
+    if (worst < 0) return text + (jumps ? ": it never had the time that its limits need" : "");
+    const Following& f = s.following(worst);
+    const auto show = [&](double x) {
+        return (x < 1e-6 ? "< 0.001" : formatPlain(1e3 * x)) + (s.slides(worst) ? " mm" : " mrad");
+    };
+    return text + (jumps ? "; after them " : "; ") + s.jointNames()[static_cast<std::size_t>(worst)] +
+           " was farthest from it: " + show(f.judged().rms(s.tick_s())) + ", RMS, where the command itself moves by " +
+           show(f.asked());
 }
 
 bool hasKeptLimits(const CaseResult& r, bool isReal) {
@@ -517,6 +563,57 @@ std::string dropParentheses(const std::string& text) {
         depth -= c == ')' && depth > 0;
     }
     return shorter;
+}
+
+/** Of joint commands [rad], or of tool commands [m]: a case has one of them, and cases of one kind are compared. */
+double getCommandError(const Summary& s) {
+    return std::isnan(s.toolErrorRms()) ? s.commandErrorRms() : s.toolErrorRms();
+}
+
+std::string formatRanked(const Summary& s) {
+    return formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
+}
+
+/** "controller, limits": what differs besides the filter. */
+std::string listDifferences(const CaseResult& a, const CaseResult& b) {
+    std::set<std::string> keys;
+    for (const CaseResult* one : {&a, &b})
+        for (const auto& entry : one->others) keys.insert(entry.first);
+    std::string list;
+    for (const std::string& key : keys) {
+        const auto mine = a.others.find(key), theirs = b.others.find(key);
+        const bool isSame = mine != a.others.end() && theirs != b.others.end() && mine->second == theirs->second;
+        if (!isSame) addItem(list, key);
+    }
+    return list;
+}
+
+/** The kinds of limits of the whole arm that cases are ranked by, the first one first. */
+std::vector<LimitKind> listRanking(const std::vector<CaseResult>& results) {
+    std::vector<LimitKind> ranking = listCounted(results);
+    ranking.erase(
+        std::remove_if(ranking.begin(), ranking.end(), [](LimitKind k) { return getLimitRow(k).ranked.empty(); }),
+        ranking.end());
+    std::reverse(ranking.begin(), ranking.end());
+    return ranking;
+}
+
+/** Less is better. What stopped early comes last, whatever it kept until then. */
+auto rankLimits(const CaseResult& r, const std::vector<LimitKind>& ranking) {
+    std::vector<std::int64_t> broken;
+    for (const LimitKind kind : ranking) broken.push_back(countBroken(r.summary, kind));
+    return std::make_tuple(r.stopReason != StopReason::None, broken, countOutside(r.summary));
+}
+
+/** No number comes after every number. */
+auto rankError(double error) {
+    return std::make_pair(std::isnan(error), std::isnan(error) ? 0.0 : error);
+}
+
+bool followsNominal(const std::vector<std::string>& problems) {
+    return std::none_of(problems.begin(), problems.end(), [](const std::string& problem) {
+        return problem.find("does not follow") != std::string::npos;
+    });
 }
 
 }  // namespace
@@ -586,21 +683,20 @@ CaseSentence tellCase(const CaseResult& r) {
     if (r.stopMessage.empty() || r.exitCode() == static_cast<int>(ErrorKind::GuaranteeBroken))
         add(Gravity::Failed, end);
     if (!r.logError.empty()) add(Gravity::Failed, "the log was not written to its end");
-    bool isTold = false, follows = true;
-    for (const std::string& problem : findProblems(r)) {
+    bool isTold = false;
+    const std::vector<std::string> problems = findProblems(r);
+    const bool follows = followsNominal(problems);
+    for (const std::string& problem : problems) {
         add(Gravity::Doubtful, dropParentheses(problem));
         isTold |= problem.find(" its command") != std::string::npos;
-        follows &= problem.find("does not follow") == std::string::npos;
     }
-    const std::string error = formatCommandError(s, false), realError = formatCommandError(s, true);
-    if (!isTold && !error.empty())
-        add(Gravity::Good, "the arm was " + error + " from its command, RMS" +
-                               (realError.empty() ? "" : " (the real one " + realError + ")"));
+    if (!isTold) add(Gravity::Good, tellFollowing(s));
     const bool isKept = !s.anyLimitBroken() && !s.endsOutside();
     add(isKept ? Gravity::Good : Gravity::Broken,
-        isKept && s.recoveringTicks() == 0 ? std::string("the nominal arm kept its joints' limits, ") +
-                                                 (r.guarantees.hasJoints() ? "as guaranteed" : "without a guarantee")
-                                           : "nominal arm: " + formatVerdict(s));
+        isKept && s.recoveringTicks() == 0
+            ? std::string("the nominal arm kept its joints' limits, ") +
+                  (r.guarantees.hasJoints() ? "as guaranteed" : "without a guarantee") + tellAssumed(r, ", of which ")
+            : "nominal arm: " + formatVerdict(s));
     for (const LimitAccount& account : s.accounts()) {
         const LimitRow& row = getLimitRow(account.kind);
         const auto addArm = [&](const char* arm, const ArmLimitRecord& record) {
@@ -621,6 +717,10 @@ CaseSentence tellCase(const CaseResult& r) {
         add(passed.empty() ? Gravity::Good : Gravity::Doubtful,
             text + (passed.empty() ? "kept its limits" : "passed limits: " + passed));
     }
+    if (r.live)
+        add(r.live->missed > 0 ? Gravity::Doubtful : Gravity::Good,
+            format("%s, %lld of %lld ticks missed", r.live->isRealTime ? "in real time" : "not in real time",
+                   static_cast<long long>(r.live->missed), static_cast<long long>(r.live->ticks)));
     constexpr std::size_t kMostNamed = 3;
     if (const std::size_t n = r.assumed.size(); n > 0)
         add(Gravity::Good, format("%zu figure%s of the robot assumed", n, n == 1 ? " is" : "s are") +
@@ -630,48 +730,6 @@ CaseSentence tellCase(const CaseResult& r) {
     for (const auto& part : parts) addItem(sentence.text, part.second, "; ");
     sentence.text += ".";
     return sentence;
-}
-
-/** Of joint commands [rad], or of tool commands [m]: a case has one of them, and cases of one kind are compared. */
-double getCommandError(const Summary& s) {
-    return std::isnan(s.toolErrorRms()) ? s.commandErrorRms() : s.toolErrorRms();
-}
-
-std::string formatRanked(const Summary& s) {
-    return formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
-}
-
-/** "controller, limits": what differs besides the filter. */
-std::string listDifferences(const CaseResult& a, const CaseResult& b) {
-    std::set<std::string> keys;
-    for (const CaseResult* one : {&a, &b})
-        for (const auto& entry : one->others) keys.insert(entry.first);
-    std::string list;
-    for (const std::string& key : keys) {
-        const auto mine = a.others.find(key), theirs = b.others.find(key);
-        const bool isSame = mine != a.others.end() && theirs != b.others.end() && mine->second == theirs->second;
-        if (!isSame) addItem(list, key);
-    }
-    return list;
-}
-
-/** The kinds of limits of the whole arm that cases are ranked by, the first one first. */
-std::vector<LimitKind> listRanking(const std::vector<CaseResult>& results) {
-    std::vector<LimitKind> ranking = listCounted(results);
-    ranking.erase(
-        std::remove_if(ranking.begin(), ranking.end(), [](LimitKind k) { return getLimitRow(k).ranked.empty(); }),
-        ranking.end());
-    std::reverse(ranking.begin(), ranking.end());
-    return ranking;
-}
-
-/** Less is better. What stopped early comes last, whatever it kept until then; no number comes after every number. */
-auto rankCase(const CaseResult& r, const std::vector<LimitKind>& ranking, double error) {
-    std::vector<std::int64_t> broken;
-    for (const LimitKind kind : ranking) broken.push_back(countBroken(r.summary, kind));
-    return std::make_tuple(r.stopReason != StopReason::None, broken, countOutside(r.summary),
-                           r.summary.ticksWith(FilterStatus::Infeasible), std::isnan(error),
-                           std::isnan(error) ? 0.0 : error);
 }
 
 std::string formatOrder(const std::vector<CaseResult>& results) {
@@ -685,15 +743,21 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     const std::vector<LimitKind> ranking = listRanking(results);
     const auto rank = [&](const CaseResult* r) {
         const Summary& s = r->summary;
-        const double tool = s.realToolError().rms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
-        return rankCase(*r, ranking, !std::isnan(tool) ? tool : !std::isnan(joints) ? joints : getCommandError(s));
+        const double tool = s.realTool().errorRms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
+        return std::make_tuple(rankLimits(*r, ranking), !followsNominal(findProblems(*r)),
+                               s.ticksWith(FilterStatus::Infeasible),
+                               rankError(!std::isnan(tool)     ? tool
+                                         : !std::isnan(joints) ? joints
+                                                               : getCommandError(s)));
     };
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
     std::stable_sort(order.begin(), order.end(), [&](const auto* a, const auto* b) { return rank(a) < rank(b); });
     std::string text;
     for (const CaseResult* r : order) addItem(text, r->name);
-    return "best first (limits of the nominal arm kept, then nearest to the command): " + text;
+    return "best first (limits of the nominal arm kept, " +
+           std::string(results.front().summary.hasRealPlant() ? "the real arm follows it, " : "") +
+           "a choice in every tick, then nearest to the command): " + text;
 }
 
 std::string formatRanking(const std::vector<CaseResult>& results) {
@@ -711,7 +775,10 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     std::vector<const CaseResult*> order;
     for (const CaseResult& r : results) order.push_back(&r);
     const std::vector<LimitKind> ranking = listRanking(results);
-    const auto rank = [&](const CaseResult& r) { return rankCase(r, ranking, getCommandError(r.summary)); };
+    const auto rank = [&](const CaseResult& r) {
+        return std::make_tuple(rankLimits(r, ranking), r.summary.ticksWith(FilterStatus::Infeasible),
+                               rankError(getCommandError(r.summary)));
+    };
     const auto isBetter = [&](const CaseResult* a, const CaseResult* b) {
         const bool first = isEqual(*a, *model), second = isEqual(*b, *model);
         return first != second ? first : rank(*a) < rank(*b);
@@ -765,7 +832,7 @@ std::string formatVerdict(const CaseResult& r) {
             (r.guarantees.hasJoints() ? "all" : "none");
     for (const LimitAccount& account : r.summary.accounts())
         text += (r.guarantees.has(account.kind) ? ", and " : ", no ") + getLimitRow(account.kind).guarantee;
-    text += ")" + formatRealVerdict(r);
+    text += tellAssumed(r, "; ") + ")" + formatRealVerdict(r);
     for (const LimitAccount& account : r.summary.accounts()) text += formatVerdict(account);
     for (const LimitKind kind : listArmLimits())
         if (const LimitRow& row = getLimitRow(kind); r.guarantees.has(kind) && !r.summary.account(kind) && !row.isSlow)

@@ -1,6 +1,7 @@
 #include "tracking/ToolReference.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 
 #include "clearance/Bisection.h"
@@ -48,13 +49,19 @@ ToolFreedom::ToolFreedom(const RobotDescription& robot, const JointLimits& limit
         const Eigen::VectorXd sizes = Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues();
         return static_cast<int>((sizes.array() > kLeastDirection * sizes[0]).count());
     };
+    Eigen::Matrix3d moves = Eigen::Matrix3d::Zero();
     for (const JointVector& q : detail::samplePoses(limits, kFreedomPoses)) {
         recursion.calcDynamics(q, JointVector::Zero(robot.size()), dynamics);
         Eigen::MatrixXd J = dynamics.J;
         J.bottomRows(3) *= calcLeverArm(dynamics.J);
         ways = std::max(ways, count(J.topRows(3)));
         all = std::max(all, count(J));
+        moves += J.topRows(3) * J.topRows(3).transpose();
     }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(moves);
+    for (int i = 0; i < 3; ++i)
+        if (!(axes.eigenvalues()[i] > kLeastDirection * kLeastDirection * axes.eigenvalues()[2]))
+            place -= axes.eigenvectors().col(i) * axes.eigenvectors().col(i).transpose();
 }
 
 double ToolFreedom::calcRotationLength(const ToolJacobian& J) const {

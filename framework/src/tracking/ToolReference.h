@@ -11,7 +11,8 @@ class ArmRecursion;
 
 /** In how many directions the joints can move the tool, at a fixed sample of poses within the limits. */
 struct ToolFreedom {
-    int ways = 0, all = 0;  ///< of three, and of six with the turns
+    int ways = 0, all = 0;                                ///< of three, and of six with the turns
+    Eigen::Matrix3d place = Eigen::Matrix3d::Identity();  ///< projects on the directions of all poses together
 
     ToolFreedom(const RobotDescription& robot, const JointLimits& limits);
     /** For a pose with this J: the mean lever arm of the joints. Where some directions must be given up, a fiftieth of it: then

@@ -278,6 +278,17 @@ TEST_F(CsvMotionRecordTest, ColumnsWithoutUnitsAreReadByAList) {
     EXPECT_NEAR(record.times_s[10], 0.099, 1e-9);
 }
 
+TEST_F(CsvMotionRecordTest, ItsColumnsAreToldAsTheyAreRead) {
+    writeBytes(path("a.csv"), makeCsv("t [ms],b (deg),lift_mm,b_Nm,motor [A]", 20, makeLine));
+    std::string told;
+    const ColumnTable table = describeColumns(path("a.csv"));
+    for (const ColumnTable::Row& row : table.columns) told += row.name + "|" + row.unit + "|" + row.meaning + "\n";
+    EXPECT_EQ(table.rows, 20u);
+    EXPECT_EQ(told,
+              "t [ms]|s|time of the reading\nb (deg)|rad|position of joint b\nlift_mm|m|position of joint lift\n"
+              "b_Nm|Nm|torque of joint b\nmotor [A]||not read here\n");
+}
+
 TEST_F(CsvMotionRecordTest, TheListReplacesTheUnitsOfTheHeader) {
     const auto line = [](int k) { return std::to_string(k) + ",180,words,4"; };
     const MotionRecord record =
@@ -448,6 +459,25 @@ TEST_F(TickLogMotionRecordTest, TheExportAsCsvHoldsTheSame) {
             expectSame(csv.joints[i].torques, log.joints[i].torques);
         }
     }
+    // What the columns mean, of the log and of its CSV.
+    const ColumnTable columns = describeColumns(path("run.mcap")), asText = describeColumns(path("run.csv"));
+    ASSERT_EQ(asText.columns.size(), columns.columns.size());
+    EXPECT_EQ(columns.rows, 60u);
+    EXPECT_EQ(asText.rows, 60u);
+    std::map<std::string, ColumnTable::Row> rows;
+    for (std::size_t i = 0; i < columns.columns.size(); ++i) {
+        const ColumnTable::Row& row = columns.columns[i];
+        EXPECT_NE(row.meaning, "") << row.name;
+        EXPECT_EQ(row.meaning.find("library adds"), std::string::npos) << row.name;
+        EXPECT_EQ(asText.columns[i].name, row.name);
+        EXPECT_EQ(asText.columns[i].meaning, row.meaning);
+        EXPECT_TRUE(asText.columns[i].unit == row.unit || row.unit == "1") << row.name;
+        rows[row.name] = row;
+    }
+    EXPECT_EQ(rows.at("nominal.<joint>.q_m").unit, "m");
+    EXPECT_EQ(rows.at("nominal.<joint>.q_rad").unit, "rad");
+    EXPECT_EQ(rows.at("tick.status").form, "word");
+    expectContains(rows.at("motor.<joint>.tau_N").meaning, {"torque that the motor gave"});
     const LogOpening nominal = makeRunOpening(false);
     writeBytes(path("nominal.mcap"), makeLog(nominal, makeRun(nominal)).bytes);
     exportCsv(path("nominal.mcap"), path("nominal.csv"));
@@ -683,6 +713,10 @@ TEST_F(JointStateMotionRecordTest, OneOfSeveralTopicsIsChosenByName) {
                   "record: joint states stand on several topics: `/joint_states`, `/left/joint_states`. Choose one "
                   "with --topic, such as --topic /joint_states");
     EXPECT_EQ(read(bytes, {LoggedArm::Real, "", "/joint_states"}).times_s.size(), 40u);
+    writeBytes(path("states.mcap"), bytes);
+    const ColumnTable columns = describeColumns(path("states.mcap"), {LoggedArm::Real, "", "/joint_states"});
+    EXPECT_EQ(columns.rows, 40u);
+    EXPECT_EQ(columns.columns[1].unit, "rad");
     EXPECT_EQ(read(bytes, {LoggedArm::Real, "", "/left/joint_states"}).times_s.size(), 30u);
     expectRefused(bytes, "no joint states on the topic `/cmd_vel`; they are on `/joint_states`, `/left/joint_states`",
                   {LoggedArm::Real, "", "/cmd_vel"});

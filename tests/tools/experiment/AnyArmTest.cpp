@@ -28,7 +28,7 @@ TEST(AnyArm, DefaultGainsFollowAndTheVerdictIsClean) {
     for (int i = 0; i < 7; ++i) EXPECT_LT(r.summary.trackingRms(i), 0.01) << i;
     EXPECT_LT(r.summary.toolErrorRms(), 0.005);
     // The real tool: by its own kinematics, not far from the nominal one.
-    EXPECT_LT(std::abs(r.summary.realToolError().rms() - r.summary.toolErrorRms()), 0.002);
+    EXPECT_LT(std::abs(r.summary.realTool().errorRms() - r.summary.toolErrorRms()), 0.002);
     expectContains(formatDetails(r), {"command       nominal tool", "; real tool", "degrees RMS"});
 }
 
@@ -174,7 +174,7 @@ TEST(AnyArm, ASwingingToolIsNamedWithItsRemedy) {
     const auto json = nlohmann::json::parse(writeSummaryJson("", "", {spring, servo}));
     EXPECT_EQ(json["cases"][0]["shortcomings"].size(), 1u);
     EXPECT_EQ(json["cases"][1]["shortcomings"].size(), 0u);
-    EXPECT_EQ(json["cases"][1]["real_tool_error_rms_m"].get<double>(), servo.summary.realToolError().rms());
+    EXPECT_EQ(json["cases"][1]["real_tool_error_rms_m"].get<double>(), servo.summary.realTool().errorRms());
 }
 
 // Nominal arm and controller diverge: the run ends, in bounded time, and the filter that passed it on is not blamed.

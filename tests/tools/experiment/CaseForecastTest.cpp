@@ -69,6 +69,11 @@ TEST(Forecast, NumbersThatCanOnlyBeDegreesAreWarnedOfInCheckAndRun) {
     warn({"limits.position_rad=12"}, {"the position limit of joint", "perhaps degrees; write `12*pi/180`"});
     warn({"command={plugin: waypoints, points: [[0, 0, 0, 90, 0, 0, 0]]}", "controller={plugin: joint_servo}"},
          {"command.points row 1: the position of joint2 is 90 rad", "perhaps degrees; write `90*pi/180`"});
+    // A jerk limit is free: 200, 2000 and 200000 may be meant, one that would be the robot's own in degrees hardly.
+    const auto jerk = [](const char* factor) { return std::string("limits.jerk_radps3=") + factor; };
+    warn({jerk("2160")}, {"the jerk limit of joint0 is ", "perhaps degrees; write `"});
+    for (const char* free : {"226", "1131", "3770"})
+        EXPECT_TRUE(makeResult(*configureCase(readArm({jerk(free)}).cases.front())).warnings.empty()) << free;
     warn({"command.reach_m=[5, 0, 0]"}, {"command.reach_m is 5 m, 3.48 times the robot's own 1.44"});
     EXPECT_TRUE(makeResult(*configureCase(readArm().cases.front())).warnings.empty());
     const Experiment start = readArm({"start={position_rad: [90, 0, 0, 0, 0, 0]}"});

@@ -264,6 +264,7 @@ TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
         paths.push_back(name);
         EXPECT_EQ(file.hasAttribute(name, "words"), unit.empty()) << name;
         EXPECT_EQ(file.hasAttribute(name, "units"), !unit.empty()) << name;
+        EXPECT_NE(file.readText(name, "meaning"), "") << name;
         if (!unit.empty()) {
             EXPECT_EQ(file.readText(name, "units"), unit) << name;
         }

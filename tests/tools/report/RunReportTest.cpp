@@ -202,8 +202,8 @@ cases: {A: {}}
         const std::vector<float> plot = report.numbers(one["tool"][arm]);
         return double(*std::max_element(plot.begin(), plot.end()));
     };
-    EXPECT_NEAR(largest("nominal"), summary.toolErrorMax(), 1e-6);
-    EXPECT_NEAR(largest("real"), summary.realToolError().largest(), 1e-6);
+    EXPECT_NEAR(largest("nominal"), summary.tool().largestError(), 1e-6);
+    EXPECT_NEAR(largest("real"), summary.realTool().largestError(), 1e-6);
     EXPECT_EQ(one["sentence"], tellCase(run.results[0]).text);
     EXPECT_EQ(table["columns"][2], "command error");
     EXPECT_EQ(table["columns"][3], "command error, real");

@@ -2,6 +2,8 @@
 #include "summary/SummaryFigures.h"
 
 #include "CaseSupport.h"
+#include "Paths.h"
+#include "tracking/ToolReference.h"
 
 namespace viable::test {
 namespace {
@@ -313,11 +315,110 @@ TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
     const CaseResult late = follow([&](double t) { return steps(t - 0.4); }, steps);
     EXPECT_TRUE(late.summary.following(0).jumps());
     EXPECT_TRUE(findProblems(late).empty()) << formatVerdict(late);
+    expectContains(tellCase(late).text,
+                   {"the ways to its set-points included: it never had the time that its limits need"});
     // A joint that slides is told in millimetres.
     CaseResult slides = lags;
     slides.summary.setSliding({true});
     expectContains(formatVerdict(slides), {" mm from it, RMS"});
     expectContains(formatDetails(slides), {"311.5 mm RMS"});
+}
+
+// One rule for every command: what is asked for is reached, in the time that the limits need (here 3.3 s for 1 rad).
+TEST(Verdict, SetPointsAreJudgedOnceThereWasTimeToBeThere) {
+    const auto steps = [](double t) { return t < 5.0 ? -0.5 : 0.5; };
+    const CaseResult arrives = follow([&](double t) { return steps(t - 3.0); }, steps);
+    EXPECT_TRUE(findProblems(arrives).empty()) << formatVerdict(arrives);
+    expectContains(tellCase(arrives).text,
+                   {"the ways to its set-points included; after them joint0 was farthest from it: "
+                    "< 0.001 mrad, RMS, where the command itself moves by 500 mrad"});
+    const std::string late = "joint0 is not at its command in the time that its limits need: ";
+    expectContains(formatVerdict(follow([&](double t) { return steps(t - 4.5); }, steps)), {late});
+    expectContains(formatVerdict(follow([&](double t) { return 0.8 * steps(t - 1.0); }, steps)),
+                   {late, "5.73 degrees"});
+    expectContains(formatVerdict(follow([](double) { return 0.0; }, [](double) { return 0.8; })),
+                   {late});  // a planned goal
+    // A motion that comes to rest, with an arm that comes to rest beside it.
+    const auto way = [](double t) { return t < 5.0 ? 0.16 * t : 0.8; };
+    expectContains(formatVerdict(follow([&](double t) { return 0.9 * way(t); }, way)),
+                   {"joint0 is not at its command"});
+    EXPECT_TRUE(findProblems(follow([&](double t) { return way(t - 0.1); }, way)).empty());
+}
+
+TEST(Verdict, SamplesOfAStreamAreJudgedAsTheMotionThatTheyAre) {
+    for (const double rate_Hz : {10.0, 30.0, 200.0}) {
+        const auto sampled = [=](double t) { return 0.5 * std::sin(std::floor(t * rate_Hz) / rate_Hz); };
+        const auto follows = [&](double lag_s) {
+            return follow([=](double t) { return 0.5 * std::sin(t - lag_s); }, sampled);
+        };
+        EXPECT_FALSE(follows(0.1).summary.following(0).jumps()) << rate_Hz;
+        EXPECT_TRUE(findProblems(follows(0.1)).empty()) << rate_Hz;
+        expectContains(formatVerdict(follows(1.0)), {"joint0 misses its command: "});
+    }
+}
+
+/** Ten seconds of a tool that waves along x as commanded, with what else it does. */
+CaseResult wave(const ToolTask& task, const Eigen::Vector3d& place, double lag_s, double turn = 0.0,
+                bool stands = false) {
+    HandMadeRun hand;
+    hand.result.summary.setTask(task);
+    for (int k = 0; k < 10000; ++k) {
+        const double t = hand.ticks++ * 0.001;
+        TickRecord r;
+        r.time_s = t;
+        r.limits = hand.limits;
+        r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
+        r.command.space = MotionCommand::Space::Tool;
+        r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.0, 0.0);
+        r.tool.position = place + Eigen::Vector3d(stands ? 0.0 : 0.1 * std::sin(std::max(0.0, t - lag_s)), 0.0, 0.0);
+        r.tool.orientation = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ());
+        r.removedTorque.setZero(1);
+        hand.result.summary.add(r);
+    }
+    return hand.result;
+}
+
+TEST(Verdict, ARelativeCommandCountsFromWhereTheToolIs) {
+    ToolTask task;
+    task.isRelative = true;
+    const CaseResult follows = wave(task, {0.5, 0.2, 0.0}, 0.05, 0.3);
+    EXPECT_TRUE(findProblems(follows).empty()) << formatVerdict(follows);
+    EXPECT_LT(follows.summary.toolErrorRms(), 0.01);
+    expectContains(tellCase(follows).text, {"where the command itself moves by 66"});
+    expectContains(formatVerdict(wave(task, {0.5, 0.2, 0.0}, 0.0, 0.3, true)), {"the tool misses its command: "});
+    expectContains(formatVerdict(wave({}, {0.5, 0.2, 0.0}, 0.05)), {"the tool misses its command: "});
+}
+
+TEST(Verdict, AnArmWithFewJointsIsJudgedByTheDirectionsThatItHas) {
+    ToolTask plane;
+    plane.ways(2, 2) = 0.0;
+    plane.hasTurns = false;
+    const CaseResult beside = wave(plane, {0.0, 0.0, 0.3}, 0.05, 0.5);  // 0.3 m above the plane, turned
+    EXPECT_TRUE(findProblems(beside).empty()) << formatVerdict(beside);
+    expectContains(tellCase(beside).text, {"the arm cannot turn its tool as it likes: its place counts"});
+    expectContains(formatVerdict(wave(plane, {0.0, 0.3, 0.0}, 0.05)), {"the tool misses its command: "});
+    expectContains(formatVerdict(wave({}, {0.0, 0.0, 0.0}, 0.05, 0.5)), {"the tool's orientation ", "28.6 degrees"});
+    const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/planar_two_link");
+    const Eigen::Matrix3d ways = ToolFreedom(robot, robot.limits).place;
+    EXPECT_NEAR(ways.trace(), 2.0, 1e-9);
+    EXPECT_TRUE((ways * ways).isApprox(ways, 1e-9));
+}
+
+TEST(Verdict, AssumedLimitsAreNamedWhereItRestsOnThem) {
+    const auto run = [](double factor) {  // of the robot's own jerk limit to the experiment's
+        Experiment e = readTestExperiment(kOneJoint, {"duration_s=1"});
+        CasePlan& plan = e.cases[0];
+        plan.robot.assumed = {"jerk_radps3", "friction", "torque_limit_Nm"};
+        plan.robot.limits.jerk = {factor * plan.limits.jerk.lower, factor * plan.limits.jerk.upper};
+        return runCase(configureCase(plan), {});
+    };
+    const CaseResult own = run(1.0);
+    expectContains(tellCase(own).text, {", of which those of jerk are assumed"});
+    expectContains(formatVerdict(own), {"those of jerk are assumed)"});
+    const CaseResult given = run(0.5);
+    EXPECT_EQ(tellCase(given).text.find("those of jerk"), std::string::npos);
+    EXPECT_FALSE(given.assumedLimits.has(LimitKind::Jerk));
+    EXPECT_TRUE(given.assumedLimits.has(LimitKind::Torque));
 }
 
 // A tool that an obstacle holds off, sliding to and fro before it faster than its command goes: what keeps it away is told.
@@ -427,9 +528,9 @@ TEST(Summary, ACaseIsOneSentenceThatBeginsWithItsWorstAndATableOfHundredColumns)
     good.result.name = "good";
     bad.result.name = std::string(40, 'b');
     for (HandMadeRun* run : {&good, &bad}) run->add(run == &good ? 0.5 : 1.5, FilterStatus::Passed, StopVerdict::Safe);
-    EXPECT_EQ(
-        tellCase(good.result).text,
-        "the arm was 500 mrad from its command, RMS; the nominal arm kept its joints' limits, without a guarantee.");
+    EXPECT_EQ(tellCase(good.result).text,
+              "the arm was 500 mrad from its command, RMS, the ways to its set-points included: it never had the time "
+              "that its limits need; the nominal arm kept its joints' limits, without a guarantee.");
     EXPECT_EQ(tellCase(bad.result).gravity, Gravity::Broken);
     EXPECT_EQ(tellCase(bad.result).text.find("nominal arm: limits broken: position by 0.5 rad; the arm was"), 0u);
     bad.result.stopReason = StopReason::ControllerFailed;

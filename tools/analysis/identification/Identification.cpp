@@ -6,6 +6,7 @@
 
 #include "analysis/identification/TorqueFit.h"
 #include "core/Text.h"
+#include "records/WorkShare.h"
 
 namespace viable {
 
@@ -153,7 +154,9 @@ public:
     /** Fits, and takes back what the motion does not tell, until all that is left is known. */
     void run() {
         // Each round takes at least one step down, and each joint has four.
-        for (int round = 0; round < 4 * static_cast<int>(n_) + 8; ++round) {
+        const int most = 4 * static_cast<int>(n_) + 8;
+        for (int round = 0; round < most; ++round) {
+            WorkShare::tell("fitting", static_cast<double>(round) / most);  // mostly a few rounds do
             fit_.fit();
             fit_.calcErrors(kCandidateCount, [&](const TorqueEquation& row, double load, double* out) {
                 for (const Candidate& candidate : kCandidates)
@@ -519,6 +522,7 @@ Identification identify(const RobotDescription& nominal, const std::vector<Motio
     const TorqueEquations equations = detail::makeTorqueEquations(nominal, records, options);
     Estimator estimator(nominal, equations, options);
     estimator.run();
+    WorkShare::tell("fitting", 1.0);
     Identification found = estimator.report();
     for (const MotionRecord& record : records) found.sources.push_back(record.source);
     return found;

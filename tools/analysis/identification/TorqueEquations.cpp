@@ -7,6 +7,7 @@
 #include "analysis/smoothing/Median.h"
 #include "analysis/smoothing/Smoothing.h"
 #include "core/Text.h"
+#include "records/WorkShare.h"
 #include "robot/ArmRecursion.h"
 
 namespace viable::detail {
@@ -154,7 +155,8 @@ void findJoints(const RobotDescription& nominal, Motion& motion) {
                      "one position and torque per time");
 }
 
-Motion readMotion(const RobotDescription& nominal, const MotionRecord& record) {
+/** @param share  of the records that were read before; `own`: its own */
+Motion readMotion(const RobotDescription& nominal, const MotionRecord& record, double share, double own) {
     Motion motion;
     motion.record = &record;
     findJoints(nominal, motion);
@@ -167,6 +169,7 @@ Motion readMotion(const RobotDescription& nominal, const MotionRecord& record) {
         motion.startsAnew[k] = times[k] - times[k - 1] > kGap * motion.interval_s;
 
     for (const MotionRecord::Joint* joint : motion.joints) {
+        WorkShare::tell("smoothing", share + own * static_cast<double>(motion.path.size()) / motion.joints.size());
         auto& path = motion.path.emplace_back();
         for (auto& order : path) order.assign(times.size(), 0.0);
         auto& deviation = motion.velocityDeviation.emplace_back(times.size(), 0.0);
@@ -410,7 +413,8 @@ TorqueEquations makeTorqueEquations(const RobotDescription& nominal, const std::
     double smoothing = 0.0, interval = 0.0;
     std::vector<double> slow(joints, 0.0);
     for (const MotionRecord& record : records) {
-        motions.push_back(readMotion(nominal, record));
+        const double own = 1.0 / static_cast<double>(records.size());
+        motions.push_back(readMotion(nominal, record, own * static_cast<double>(motions.size()), own));
         const Motion& motion = motions.back();
         for (std::size_t i = 0; i < joints; ++i) motions.back().shaking.push_back(calcShaking(nominal, motion, i));
         interval = std::max(interval, motion.interval_s);

@@ -207,11 +207,15 @@ std::string_view findExportJoint(std::string_view column, std::string_view begin
     return column.substr(beginning.size(), dot - beginning.size());
 }
 
-bool isExport(const std::vector<std::string>& header) {
+}  // namespace
+
+bool isExportedCsv(const std::vector<std::string>& header) {
     return header[0] == "time_s" && std::any_of(header.begin(), header.end(), [](const std::string& name) {
                return !findExportJoint(name, "nominal.", "q").empty();
            });
 }
+
+namespace {
 
 /** The columns of what `viable export` writes. */
 CsvPlan planExport(const std::vector<std::string>& header, LoggedArm arm, const std::string& where) {
@@ -236,7 +240,7 @@ CsvPlan planExport(const std::vector<std::string>& header, LoggedArm arm, const 
 CsvPlan planCsvColumns(const std::vector<std::string>& header, const MotionRecordOptions& options,
                        const std::string& where) {
     if (!options.columns.empty()) return planByList(header, options.columns, where);
-    return isExport(header) ? planExport(header, options.arm, where) : planByHeader(header, where);
+    return isExportedCsv(header) ? planExport(header, options.arm, where) : planByHeader(header, where);
 }
 
 }  // namespace viable::detail

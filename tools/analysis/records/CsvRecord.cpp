@@ -187,6 +187,12 @@ public:
     CsvRecord(const std::filesystem::path& path, const MotionRecordOptions& options)
         : file_(path.string()), reader_(path), options_(options) {}
 
+    std::vector<std::string> readNames(std::size_t& rows) {
+        rows = findHeader() ? 1 : 0;
+        while (nextLine()) ++rows;
+        return header_.names;
+    }
+
     MotionRecord read() {
         bool isRow = findHeader();
         CsvPlan plan = planCsvColumns(header_.names, options_, header_.place);
@@ -320,6 +326,10 @@ private:
 };
 
 }  // namespace
+
+std::vector<std::string> readCsvHeader(const std::filesystem::path& file, std::size_t& rows) {
+    return CsvRecord(file, {}).readNames(rows);
+}
 
 MotionRecord readCsvRecord(const std::filesystem::path& file, const MotionRecordOptions& options) {
     return CsvRecord(file, options).read();

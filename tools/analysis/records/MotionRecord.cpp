@@ -6,7 +6,10 @@
 #include <fstream>
 #include <system_error>
 
+#include "analysis/records/CsvColumns.h"
 #include "analysis/records/RecordReaders.h"
+#include "records/ColumnMeaning.h"
+#include "records/LogExportColumns.h"
 #include "records/McapFile.h"
 
 namespace viable {
@@ -81,19 +84,73 @@ void refuseOption(const std::string& given, const char* option, const char* purp
                        std::string("Leave out ") + option);
 }
 
-MotionRecord readKind(const std::filesystem::path& file, const MotionRecordOptions& options) {
+enum class FileKind { TickLog, JointStates, Csv };
+
+FileKind findKind(const std::filesystem::path& file, const MotionRecordOptions& options) {
     const std::string name = file.string();
     const std::string bytes = readBeginning(file);
     if (bytes.empty()) throw badInput(name, "the file is empty", kKinds);
-    if (!beginsWith(bytes, mcap::kMagic)) {
+    FileKind kind = FileKind::Csv;
+    if (beginsWith(bytes, mcap::kMagic))
+        kind = isTickLog(file) ? FileKind::TickLog : FileKind::JointStates;
+    else
         checkText(name, bytes);
+    if (kind != FileKind::JointStates)
         refuseOption(options.topic, "--topic", "MCAP files with sensor_msgs/JointState", name);
-        return detail::readCsvRecord(file, options);
+    if (kind != FileKind::Csv) refuseOption(options.columns, "--columns", "CSV files", name);
+    return kind;
+}
+
+MotionRecord readKind(const std::filesystem::path& file, const MotionRecordOptions& options) {
+    const FileKind kind = findKind(file, options);
+    return kind == FileKind::Csv       ? detail::readCsvRecord(file, options)
+           : kind == FileKind::TickLog ? detail::readTickLog(file, options.arm)
+                                       : detail::readJointStateLog(file, options.topic);
+}
+
+/** A row for each column; those of joints have one together, with <joint> for the name. */
+void addColumn(ColumnTable& table, ColumnTable::Row row, const std::vector<std::string>& joints) {
+    const std::size_t first = row.name.find('.') + 1, last = row.name.rfind('.');
+    const bool isOfJoint =
+        first < last && std::find(joints.begin(), joints.end(), row.name.substr(first, last - first)) != joints.end();
+    if (isOfJoint) row.name.replace(first, last - first, "<joint>");
+    const auto known = std::find_if(table.columns.begin(), table.columns.end(),
+                                    [&](const ColumnTable::Row& other) { return other.name == row.name; });
+    if (known != table.columns.end())
+        ++known->count;
+    else
+        table.columns.push_back(std::move(row));
+}
+
+void addTickLog(const std::filesystem::path& file, ColumnTable& table) {
+    LogReader reader(file);
+    for (const detail::ExportColumn& column : detail::nameExportColumns(reader, file.string()))
+        addColumn(
+            table,
+            {column.name, column.unit, column.column->isText() ? "word" : "number", detail::explainColumn(column.name)},
+            reader.layout().jointNames);
+    for (TickRecord record; reader.read(record);) ++table.rows;
+}
+
+void addCsv(const std::filesystem::path& file, MotionRecordOptions options, ColumnTable& table) {
+    options.arm = LoggedArm::Nominal;  // every log has it
+    const std::vector<std::string> header = detail::readCsvHeader(file, table.rows);
+    const detail::CsvPlan plan = detail::planCsvColumns(header, options, file.string());
+    std::vector<std::string> joints;
+    for (const MotionRecord::Joint& joint : plan.joints) joints.push_back(joint.name);
+    for (std::size_t i = 0; i < header.size(); ++i) {
+        if (options.columns.empty() && detail::isExportedCsv(header)) {
+            const detail::ColumnUnit* const unit = detail::findColumnUnit(header[i]);
+            addColumn(table, {header[i], unit ? unit->text : "", "text", detail::explainColumn(header[i])}, joints);
+            continue;
+        }
+        static constexpr const char* kUses[] = {"not read here", "time of the reading", "position of joint ",
+                                                "torque of joint "};
+        static constexpr const char* kUnits[][2] = {{"", ""}, {"s", "s"}, {"rad", "m"}, {"Nm", "N"}};
+        const auto use = static_cast<std::size_t>(plan.columns[i].use);
+        const MotionRecord::Joint joint = use < 2 ? MotionRecord::Joint() : plan.joints[plan.columns[i].joint];
+        table.columns.push_back({header[i], kUnits[use][joint.isPrismatic], "text", kUses[use] + joint.name});
     }
-    refuseOption(options.columns, "--columns", "CSV files", name);
-    if (!isTickLog(file)) return detail::readJointStateLog(file, options.topic);
-    refuseOption(options.topic, "--topic", "MCAP files with sensor_msgs/JointState", name);
-    return detail::readTickLog(file, options.arm);
 }
 
 }  // namespace
@@ -116,6 +173,24 @@ MotionRecord readMotionRecord(const std::filesystem::path& file, const MotionRec
                            "Record for longer, or leave the joint out");
     }
     return record;
+}
+
+ColumnTable describeColumns(const std::filesystem::path& file, const MotionRecordOptions& options) {
+    ColumnTable table;
+    const FileKind kind = findKind(file, options);
+    if (kind == FileKind::TickLog) addTickLog(file, table);
+    if (kind == FileKind::Csv) addCsv(file, options, table);
+    if (kind != FileKind::JointStates) return table;
+    const MotionRecord record = detail::readJointStateLog(file, options.topic);
+    table.rows = record.times_s.size();
+    table.columns.push_back({"header.stamp", "s", "number", "time of the reading"});
+    for (const MotionRecord::Joint& joint : record.joints)
+        for (const bool isEffort : {false, true})
+            table.columns.push_back(
+                {(isEffort ? "effort." : "position.") + joint.name, isEffort ? "Nm" : "rad", "number",
+                 std::string(isEffort ? "torque" : "position") +
+                     " of the joint; where it slides, which the file does not tell, in " + (isEffort ? "N" : "m")});
+    return table;
 }
 
 }  // namespace viable

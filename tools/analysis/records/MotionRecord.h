@@ -65,4 +65,20 @@ Throws Error (BadInput) with file, line or sample and remedy: for what cannot be
 infinite readings, and fewer than kLeastSamples samples or readings of a joint. */
 MotionRecord readMotionRecord(const std::filesystem::path& file, const MotionRecordOptions& options = {});
 
+/** What the columns of such a file are. */
+struct ColumnTable {
+    struct Row {
+        std::string name;  ///< "nominal.<joint>.q_rad": of all joints
+        std::string unit;  ///< "rad/s"; "1" for a number without one, empty for a word or a column that is not read
+        std::string form;  ///< "number", "word", or "text" of a CSV
+        std::string meaning;
+        int count = 1;  ///< columns: of the joints with this unit
+    };
+    std::vector<Row> columns;
+    std::size_t rows = 0;  ///< of the file
+};
+
+/** Of a log of this program all that it holds; of other files what readMotionRecord() makes of them. Errors as there. */
+ColumnTable describeColumns(const std::filesystem::path& file, const MotionRecordOptions& options = {});
+
 }  // namespace viable

@@ -11,6 +11,10 @@ inline constexpr std::size_t kMostJoints = 256;
 MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm);
 MotionRecord readJointStateLog(const std::filesystem::path& file, const std::string& topic);
 MotionRecord readCsvRecord(const std::filesystem::path& file, const MotionRecordOptions& options);
+/** The names that the header gives to the columns, and the number of lines after it. */
+std::vector<std::string> readCsvHeader(const std::filesystem::path& file, std::size_t& rows);
+/** Is it what `viable export` writes? */
+bool isExportedCsv(const std::vector<std::string>& header);
 
 /** Stamps as the file writes them. */
 inline Error notAscending(const std::string& where, const std::string& before, const std::string& stamp) {

@@ -109,10 +109,13 @@ function isBad(column, text) {
 /** 499800 % instead of 4.998e+05 %. */
 const plain = (text) => text.replace(/^\d\.?\d*e\+0[4-9](?= |$)/, (value) => String(Number(value)));
 
+/** A text that may break behind _ and commas, where the table would be too wide. */
+const breakable = (text) => text.split(/(?<=_|, )/).flatMap((part) => [el('wbr'), part]);
+
 function cell(run, name, text, column, isNumber) {
   if (column > 0) {
     const classes = [isNumber ? 'number' : '', isBad(name, text) ? 'bad' : ''].filter(Boolean).join(' ');
-    return el('td', { class: classes || null, 'data-label': name, text: isNumber ? plain(text) : text });
+    return el('td', { class: classes || null, 'data-label': name, }, ...breakable(isNumber ? plain(text) : text));
   }
   const known = run.cases.find((c) => c.name === text);
   return el('th', { scope: 'row', title: text }, known ? swatch(known.index) : null, text);
@@ -140,7 +143,7 @@ function sampling(run) {
   const same = texts.every((text) => text === texts[0]);
   return (
     `The plots show ${same ? texts[0] : run.cases.map((c, i) => `${texts[i]} of ${c.name}`).join(', ')}. ` +
-    'The log of each case holds all ticks.'
+    'The log of each case holds all ticks; `viable columns LOG` tells what its columns mean.'
   );
 }
 
