@@ -113,6 +113,13 @@ class Guarded(unittest.TestCase):
             gym.GuardedActions(env, "panda", NAMES | {"joint4": "knob_Joint_1"})
         with self.assertRaisesRegex(viable.InputError, "has no MuJoCo model"):
             gym.GuardedActions(gymnasium.make("viable/Reach-v0"), "panda", NAMES)
+        twice = gym.GuardedActions(gym.GuardedActions(env, "panda", NAMES), "panda", NAMES)
+        twice.reset(seed=1)
+        with self.assertRaisesRegex(viable.InputError, "guards the same simulation"):
+            twice.step(np.zeros(9))
+        env.unwrapped.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        with self.assertRaisesRegex(viable.InputError, "its integrator is RK4"):
+            gym.GuardedActions(env, "panda", NAMES)
 
 
 if __name__ == "__main__":

@@ -36,4 +36,4 @@ cmake -S tools/python/portable -B "$work/modules" -G Ninja -DBUILD="$build" -DVE
   -DPYTHONS="$(IFS=';'; echo "${pythons[*]}")" -DPYBIND11="$(python3 -c 'import pybind11; print(pybind11.get_include())')" >"$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
 cmake --build "$work/modules" >"$work/log" 2>&1 || { cat "$work/log" >&2; exit 1; }
 python3 tools/python/portable/portable.py "$build" "$work/modules" "$out" "${pythons[@]}"
-find "$out" -maxdepth 1 -name 'viable-*.whl' ! -newer "$work/pythons" -delete  # older ones
+find "$out" -maxdepth 1 -name "viable-$version-*.whl" ! -newer "$work/pythons" -delete  # older ones

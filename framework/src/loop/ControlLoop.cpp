@@ -118,7 +118,7 @@ void ControlLoop::reset() {
     real_ = actual_ = plausible_ = {start.q, start.qd};
     isPlausible_.fill(true);
     missingExternalTorques_ = missedInRow_ = releaseTicks_ = 0;
-    push_.resize(0);
+    ownTorque_.resize(0);
     isTrackingLost_ = isIntegralHeld_ = hasLeftLimits_ = robustLoopEnded_ = drifts_ = isWithheld_ = false;
     isLoopAsked_ = true;
     externalTorque_.setZero(options_.feedsExternalTorque ? n_ : 0);
@@ -253,17 +253,20 @@ void ControlLoop::feelTouch() {
     const bool isPlausible = std::all_of(isPlausible_.begin(), isPlausible_.begin() + n_, [](bool is) { return is; });
     if (missingExternalTorques_ > kMaxSubstitutedTicks || !isPlausible || dynamics.J.cols() != n_) return touch_->end();
     JointVector room(n_);
-    for (int i = 0; i < n_; ++i) room[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
+    const JointVector& driving = nominalArm_.motion().torque;
+    for (int i = 0; i < n_; ++i) {
+        const double motor = std::max(0.0, setup_.robot.actuation.torqueLimit[i] - std::abs(driving[i]));
+        room[i] = authority_.limits(i) ? std::min(authority_.calcRest(i), motor) : motor;
+    }
     touch_->update(plausible_, torque ? *torque : touch_->external(), room);
     const detail::ToolSurface surface = touch_->surface();
+    const double above = surface.normal.dot(dynamics.tool.position) - surface.offset;
     if (touch_->isOn() && touch_->hasLost()) {
-        const bool isAway = surface.normal.dot(dynamics.tool.position) > surface.offset + 2.0 * touch_->kLead;
-        if (isAway && nominalArm_.waits()) nominalArm_.endWait();
-        if (!nominalArm_.waits()) touch_->end();
+        if (above > 2.0 * touch_->kLead && nominalArm_.waits()) nominalArm_.endWait();
+        if (above >= touch_->kLead && !nominalArm_.waits()) touch_->end();  // else the tool would be thrown back to the nominal one
     }
     if (!touch_->isOn()) return;
-    const bool isBeneath = surface.normal.dot(dynamics.tool.position) < surface.offset;
-    if (!loop_.isStopping() && (nominalArm_.waits() || isBeneath)) nominalArm_.wait(surface);
+    if (!loop_.isStopping() && (nominalArm_.waits() || above < 0.0)) nominalArm_.wait(surface);
     touch_->see(nominal(), dynamics, nominalArm_.wantedTool(), plausible_);
 }
 
@@ -347,8 +350,7 @@ void ControlLoop::checkTracking() {
 void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
     using Cause = detail::FollowingWatch::Cause;
     if (!options_.watchesFollowing || options_.bound || hasFailed() || stopReason() == StopReason::SensorFailed) return;
-    if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
-    if (isTrackingLost_) {                       // a loop that acts on wrong readings must not drive the arm on
+    if (isTrackingLost_) {  // a loop that acts on wrong readings must not drive the arm on
         const detail::FollowingWatch::Torques torques{motorTorque_, robustTorque_, appliedTorque_, authority_};
         if (isWithheld_ && following_.update(plausible_, nominal(), torques, elapsedTicks).cause == Cause::Oscillation)
             endRobustLoop(true);
@@ -357,6 +359,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
         releaseToRobot();
         return;
     }
+    if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
     const detail::FollowingWatch::Violation found = following_.update(
         plausible_, nominal(), {motorTorque_, robustTorque_, appliedTorque_, authority_}, elapsedTicks);
     if (found.cause == Cause::None) return;
@@ -521,19 +524,20 @@ bool ControlLoop::askRobustLoop() {
     predictOpenJoints();
     authority_.update(nominal(), plausible_);
     const JointVector lastRobust = robustTorque_;
-    if (push_.size() == n_) robustTorque_ -= push_;  // is none of its own
+    const bool hadPush = ownTorque_.size() == n_;
+    if (hadPush) robustTorque_ = ownTorque_;
     const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
         const bool isCut = authority_.cut(motorTorque_, robustTorque_);
-        push_.resize(0);
-        const bool isTouching = touch_ && touch_->isOn();
-        if (isTouching) {
-            push_ = touch_->push();
-            if (isBounded(push_, n_)) authority_.add(push_, robustTorque_);
-        }
-        if (isCut || isTouching) limitRates(lastRobust, lastMotorTorque_);
+        const bool hasPush = touch_ && touch_->isOn() && isBounded(touch_->push(), n_);
+        ownTorque_ = robustTorque_;
+        if (hasPush) authority_.add(touch_->push(), robustTorque_);
+        const JointVector asked = robustTorque_;
+        if (isCut || hasPush || hadPush) limitRates(lastRobust, lastMotorTorque_);
+        ownTorque_ += robustTorque_ - asked;
+        if (!hasPush) ownTorque_.resize(0);
         return true;
     }
     loop_.beginStop(StopReason::RobustLoopFailed,

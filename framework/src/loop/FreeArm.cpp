@@ -20,16 +20,16 @@ void FreeArm::wait(const ToolSurface& surface, const MotionState& nominal, const
     if (isOn_) return;
     dynamics_ = dynamics;
     isOn_ = true;
+    isServed_ = false;
     state_ = target_ = nominal;
     filter_.reset(nominal);
-    servo_.reset(nominal);
 }
 
 void FreeArm::pause() {
     state_.qd.setZero();
     state_.qdd.setZero();
     filter_.reset(state_);
-    servo_.reset(state_);
+    isServed_ = false;
 }
 
 void FreeArm::changeLimits(const JointLimits& limits) {
@@ -70,7 +70,10 @@ void FreeArm::lead(const MotionState& nominal, const Dynamics& dynamics, JointVe
     if (beneath > 0.0) {
         findTarget(beneath);
         followSurface(nominal, dynamics, jerk);
+        isServed_ = false;
     } else {
+        if (!isServed_) servo_.reset(nominal);
+        isServed_ = true;
         target_ = state_;
         servo_.calc(nominal, target_, jerk);
     }

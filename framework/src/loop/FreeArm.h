@@ -55,7 +55,7 @@ private:
     RobotModel model_;
     CertifiedBrakingFilter filter_;
     Servo servo_;
-    bool isOn_ = false;
+    bool isOn_ = false, isServed_ = false;  // the servo leads the nominal arm
     ToolSurface surface_;
     MotionState state_, target_;
     JointVector targetJerk_;

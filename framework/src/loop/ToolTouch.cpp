@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/RotationVector.h"
+#include "tracking/InertiaSample.h"
 
 namespace viable::detail {
 
@@ -14,8 +15,8 @@ namespace {
 constexpr double kAngular = 0.1, kWish = 0.01;
 /** Of the torques that the sensors show, at most so much may be no force at the tool. */
 constexpr double kMoment = 0.3;
-/** A joint with less pull on the tool does not hold it [m]. */
-constexpr double kNoLever = 1e-6;
+/** A joint with less pull on the tool does not hold it [m]; all of them with less than this share of the lever arm do not. */
+constexpr double kNoLever = 1e-6, kLeastPull = 0.1;
 
 double follow(double tick_s, double time_s) {
     return std::min(1.0, tick_s / time_s);
@@ -49,7 +50,7 @@ ToolTouch::ToolTouch(const RunSetup& setup, double force, const LinearErrorLoop*
       tick_s_(setup.tick_s),
       friction_(setup.robot.actuation.friction),
       model_(std::make_shared<RobotModel>(setup.robot)) {
-    if (law) gain_ = law->kr;
+    if (law) law_ = *law;
     reset();
 }
 
@@ -89,8 +90,10 @@ void ToolTouch::update(const JointState& real, const JointVector& external, cons
         limitForce(force.normalized(), room);
         if (!hasFree_ || !(force.norm() > 0.5 * asked_)) free_ = at;
         hasFree_ = true;
-        const JointVector rest = external_ - dynamics_.J.topRows<3>().transpose() * force;
-        if (force.norm() > asked_ && rest.norm() < kMoment * external_.norm()) begin(force);
+        const JointVector ofForce = dynamics_.J.topRows<3>().transpose() * force, rest = external_ - ofForce;
+        if (force.norm() > asked_ && rest.norm() < kMoment * external_.norm() &&
+            ofForce.norm() > kLeastPull * calcLeverArm(dynamics_.J) * force.norm())
+            begin(force);
         if (!isOn_) return;
     }
     since_s_ += tick_s_;
@@ -124,6 +127,7 @@ void ToolTouch::turnNormal(const Eigen::Vector3d& force) {
 }
 
 void ToolTouch::learnStiffness(double force) {
+    if (!isSettling()) return;  // a way along a hollow surface is no depth
     const double depth = normal_.dot(free_ - dynamics_.tool.position);
     if (!(depth > deepest_) || !(force > 0.0)) return;
     deepest_ = depth;
@@ -156,6 +160,16 @@ void ToolTouch::liftNominal(const MotionState& nominal, const Dynamics& dynamics
     liftedRate_ = calcJointStep(ofLifted_.J, twist, nominal.qd) - nominal.qd;
 }
 
+/** B [Ns/m]: force along the normal for each velocity, of the robust loop as it is in this pose. */
+double ToolTouch::calcDamping(const JointVector& pull, const JointMatrix& M) const {
+    if (!law_) return 0.0;
+    JointMatrix K = calcLoopGain(*law_, M);
+    K.diagonal().array() += kNoLever;
+    const JointVector rate = Eigen::LLT<JointMatrix>(K).solve(pull);
+    const double softness = pull.dot(rate);
+    return softness > 0.0 ? 1.0 / softness : 0.0;
+}
+
 void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants,
                     JointState& real) {
     const Eigen::Vector3d at = dynamics_.tool.position;
@@ -167,10 +181,8 @@ void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const 
     liftNominal(nominal, dynamics, std::max(0.0, above), share);
     real.q -= lifted_;
     real.qd -= liftedRate_;
+    const double damping = calcDamping(pull, dynamics.M);
     // Against friction, no faster than the surface answers.
-    const double softness =
-        gain_.size() > 0 ? pull.cwiseProduct(pull).cwiseQuotient(gain_.cwiseMax(kNoLever)).sum() : 0.0;
-    const double damping = softness > 0.0 ? 1.0 / softness : 0.0;
     const double rate = std::min(1.0 / kFriction_s, damping > 0.0 ? stiffness_ / damping : kInfinity);
     if (air_s_ == 0.0)
         integral_ += share_ * rate * tick_s_ * std::max(-2.0 * asked_, asked_ - measured_);

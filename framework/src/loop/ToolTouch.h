@@ -78,10 +78,11 @@ private:
     double calcWanted();
     void liftNominal(const MotionState& nominal, const Dynamics& dynamics, double above, double share);
     void learnStiffness(double force);
+    double calcDamping(const JointVector& pull, const JointMatrix& M) const;
 
     double force_ = 0.0, asked_ = 0.0, most_ = 0.0, tick_s_ = 0.0;  // [N]; most_: with the push against friction
     JointFriction friction_;
-    JointVector gain_;  // of the law [Nms/rad]; of size 0: not known
+    std::optional<LinearErrorLoop> law_;  // none: not known
     std::shared_ptr<RobotModel> model_;
     Dynamics dynamics_, ofLifted_;  // of the real arm; of the nominal one that is lifted
     JointVector external_, push_, lifted_, liftedRate_;

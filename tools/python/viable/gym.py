@@ -232,6 +232,9 @@ class GuardedActions(gymnasium.Wrapper):
             raise InputError("GuardedActions: env", f"`{env.unwrapped}` has no MuJoCo model", "Its `model` and `data` are needed.")
         if set(mapping) != set(self.robot.joints):
             raise InputError("GuardedActions: mapping", f"it is for {', '.join(mapping)}", f"Map {', '.join(self.robot.joints)}.")
+        if model.opt.integrator == 1:  # mjINT_RK4
+            raise InputError("GuardedActions: env", "its integrator is RK4, whose stages are no steps of the guard",
+                             "Set `model.opt.integrator` to Euler or implicitfast.")
         joints, servos = [], []
         for name in (mapping[joint] for joint in self.robot.joints):
             try:
@@ -240,7 +243,8 @@ class GuardedActions(gymnasium.Wrapper):
                 raise InputError("GuardedActions: mapping", f"the model has no joint `{name}`", "Look into its MJCF.") from error
             moving = np.flatnonzero((model.actuator_trnid[:, 0] == joints[-1]) & (model.actuator_trntype == 0))  # by joint
             bias, gain = model.actuator_biasprm[moving], model.actuator_gainprm[moving, 0]
-            if len(moving) != 1 or model.actuator_gaintype[moving[0]] != 0 or bias[0, 0] != 0 or bias[0, 1] != -gain[0] or gain[0] <= 0:
+            others = model.actuator_gaintype, model.actuator_dyntype  # neither fixed, nor without a state of its own
+            if len(moving) != 1 or any(of[moving[0]] for of in others) or bias[0, 0] != 0 or bias[0, 1] != -gain[0] or gain[0] <= 0:
                 raise InputError("GuardedActions: env", f"joint `{name}` is not moved by one position servo",
                                  "Others cannot be guarded here: use viable.Guard in a loop of your own.")
             servos.append(moving[0])
@@ -251,7 +255,10 @@ class GuardedActions(gymnasium.Wrapper):
         if limits is None:
             (lower, upper), end = self.robot.limits.position, np.where(model.jnt_limited[joints] != 0, 0.0, np.inf)
             ranges = model.jnt_range[joints].T
-            limits = self.robot.limits.replace(position=(np.maximum(lower, ranges[0] - end), np.minimum(upper, ranges[1] + end)))
+            told = np.sort(model.actuator_ctrlrange[servos] / self._gears[:, None]).T
+            all_told = np.where(model.actuator_ctrllimited[servos] != 0, 0.0, np.inf)
+            limits = self.robot.limits.replace(position=(np.maximum.reduce([lower, ranges[0] - end, told[0] - all_told]),
+                                                         np.minimum.reduce([upper, ranges[1] + end, told[1] + all_told])))
         self.guard = ReferenceGuard(self.robot, model.opt.timestep, limits=limits, between="hold", velocity_filter=np.inf, recovery=True)
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
@@ -288,6 +295,8 @@ class GuardedActions(gymnasium.Wrapper):
 
         global _before
         with _lock:
+            if is_stepping and id(self._data) in _stepping:
+                raise InputError("GuardedActions: env", "another GuardedActions guards the same simulation", "Guard its arms as one robot.")
             if not _stepping:
                 _before = mujoco.get_mjcb_control()
             _stepping.pop(id(self._data), None)
