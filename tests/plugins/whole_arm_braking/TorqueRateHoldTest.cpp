@@ -1,5 +1,6 @@
 #include "Effort.h"
 #include "WholeArm.h"
+#include "viable/testing/AllocationCounter.h"
 
 namespace viable {
 namespace {
@@ -37,6 +38,7 @@ Motion move(const std::vector<RobotDescription>& robots, std::uint64_t seed, dou
     arm.filter.reset(arm.state);
     Motion motion;
     JointVector goal, last;
+    const testing::AllocationCounter counter;
     for (int tick = 0; tick < ticks; ++tick) {
         if (tick % 300 == 0) goal = draw(robot.home, 1.0);
         const FilterStatus status = arm.goTo(goal, stiffness);
@@ -47,6 +49,7 @@ Motion move(const std::vector<RobotDescription>& robots, std::uint64_t seed, dou
         const JointVector missing = (goal - arm.state.q).cwiseAbs();
         motion.left += arm.kTick_s * (missing.sum() - missing[slow]);
     }
+    EXPECT_EQ(counter.count(), 0);
     return motion;
 }
 
