@@ -271,7 +271,7 @@ std::string formatCommandErrors(const CaseResult& r) {
                        s.following(farthest).largestError() / unit,
                        s.jointNames()[static_cast<std::size_t>(farthest)].c_str());
         if (s.hasRealPlant()) text += format("; real joints %.4g %s RMS", s.realCommandErrorRms() / unit, name);
-        text += format("\n  of what moves RMS error / what the command moves by, per joint [%s]", name) + joints;
+        text += format("\n  per joint     RMS error / what the command moves by [%s]", name) + joints;
     }
     return text.empty() ? "" : "  command      " + text + "\n";
 }
