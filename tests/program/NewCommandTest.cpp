@@ -365,7 +365,9 @@ TEST(NewRobot, RunsAtOnceWithAssumedFiguresAndSaysSo) {
             if (!hasBall) run.insert(run.end(), {"--set", "duration_s=4"});  // else to the end: the hand meets the ball
             const Outcome ran = test::run(run);
             EXPECT_EQ(ran.code, 0) << ran.err;
-            if (hasBall) expectContains(ran.out, {"deep in ball", "and clearances); no collision"});
+            if (hasBall)
+                expectContains(ran.out, {"deep in ball",
+                                         "and clearances; those of acceleration and jerk are assumed); no collision"});
             expectContains(ran.out, {"verdict       all limits kept (nominal arm; the filter guarantees all",
                                      "assumed       figures of the robot that nobody gave: acceleration_radps2"});
         }

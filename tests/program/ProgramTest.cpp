@@ -400,6 +400,8 @@ TEST(Program, LongWorkTellsHowFarItIs) {
                           [] { setenv("VIABLE_MESSAGES", "json", 1); });
     EXPECT_EQ(o.code, 0) << o.err;
     expectContains(o.err, {"{\"progress\":{\"trying draws\":0."});
+    const Outcome doctor = run({"doctor", "--measure", "2"}, [] { setenv("VIABLE_MESSAGES", "json", 1); });
+    expectContains(doctor.err, {"{\"progress\":{\"measuring\":0.5}}", "{\"progress\":{\"measuring\":1.0}}"});
 }
 
 TEST(Program, AllComplaintsComeAtOnceAndTheirRemediesFit) {

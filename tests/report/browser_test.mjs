@@ -1036,6 +1036,15 @@ testOfPage('PNG and SVG are saved', async () => {
   }
 });
 
+test('the summary table fits a screen of 1280 pixels', async () => {
+  const page = await open(reportPath, { width: 1280, height: 900 });
+  const { scrollWidth, clientWidth } = await page.locator('#summary .scroll').evaluate((root) => ({
+    scrollWidth: root.scrollWidth,
+    clientWidth: root.clientWidth,
+  }));
+  assert.ok(scrollWidth <= clientWidth, `${scrollWidth} pixels of ${clientWidth}`);
+});
+
 test('fits a phone of 375 pixels', async () => {
   const page = await open(reportPath, { width: 375, height: 812 });
   for (const details of await page.locator('#details summary').all()) await details.click();

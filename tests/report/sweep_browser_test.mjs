@@ -48,7 +48,7 @@ async function drawn(page, panel) {
 
 test('a large sweep is drawn: verdicts, histogram, scatters, draws', async () => {
   const page = await open(large);
-  assert.match(await page.locator('.verdict').first().textContent(), /9,990 of 10,000 kept every limit.*of the bound/);
+  assert.match(await page.locator('.verdict').first().textContent(), /9,990 of 10,000 kept every limit.*of its tracking bound/);
   assert.match(await page.locator('.verdict').first().textContent(), /10 crashed · 9,990 ok/);
   assert.equal(await page.locator('.partial').count(), 0);
   assert.ok((await drawn(page, histogram(page))) > 5000, 'the histogram has bars');
@@ -176,6 +176,7 @@ test('fits a phone of 375 pixels', async () => {
   await drawn(page, histogram(page));
   const width = await page.evaluate(() => document.documentElement.scrollWidth);
   assert.ok(width <= 375, `the page is ${width} pixels wide`);
+  assert.ok((await page.locator('.scatters h3').first().evaluate((name) => name.clientWidth)) > 100, 'a name is hidden');
 });
 
 async function takeScreenshots() {

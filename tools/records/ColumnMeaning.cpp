@@ -25,16 +25,14 @@ constexpr struct {
     const char *name, *text;
 } kMeanings[] = {
     {"time", "since the start of the run; a row is a tick"},
-    {"nominal.tool.q?", "orientation of the nominal arm's tool, a quaternion in the base frame"},
-    {"nominal.tool.?", "position of the nominal arm's tool in the base frame"},
+    {"*.tool.q?", "orientation of the tool, a quaternion in the base frame"},
+    {"*.tool.?", "position of the tool in the base frame"},
     {"nominal.*.q", "position of the nominal arm: the ideal one, which the filter moves"},
-    {"nominal.*.qd", "its velocity"},
-    {"nominal.*.qdd", "its acceleration"},
-    {"nominal.*.jerk", "its jerk, held from this row to the next"},
+    {"*.qd", "velocity, the rate of q beside it"},
+    {"*.qdd", "acceleration, the rate of qd beside it"},
+    {"nominal.*.jerk", "jerk, held from this row to the next"},
     {"real.*.q", "position of the real arm, as its encoder reads it"},
-    {"real.*.qd", "velocity of the real arm, as measured"},
     {"actual.*.q", "true position of the simulated arm"},
-    {"actual.*.qd", "true velocity of the simulated arm"},
     {"desired.*.tau", "torque that the controller asks for"},
     {"filter.*.tau", "torque that the filter lets pass; it moves the nominal arm"},
     {"filter.*.active",
@@ -44,8 +42,7 @@ constexpr struct {
     {"filter.*.margin", "least distance to a position limit along this tick and the stop after it; negative: beyond"},
     {"filter.*.stop", "duration of that stop"},
     {"filter.*.rest", "place where that stop ends"},
-    {"limits.*_lower", "lower limit in force"},
-    {"limits.*_upper", "upper limit in force"},
+    {"limits.*", "limit in force"},
     {"robust.*.tau", "torque that the robust loop adds, to keep the real arm next to the nominal one"},
     {"motor.*.tau", "torque that the motor gave"},
     {"external.*.tau", "measured external torque; nan: unusable, and the last good one acted"},
@@ -60,12 +57,9 @@ constexpr struct {
     {"touch.felt", "force along the surface's normal, as the torque sensors tell"},
     {"touch.asked", "contact force that is asked for there"},
     {"touch.normal.?", "out of the surface that holds the tool, base frame"},
-    {"command.tool.q?", "commanded orientation of the tool, a quaternion in the base frame"},
     {"command.tool.v?", "commanded velocity of the tool"},
     {"command.tool.w?", "commanded angular velocity of the tool"},
-    {"command.tool.?", "commanded position of the tool in the base frame"},
     {"command.*.q", "commanded position of the joint"},
-    {"command.*.qd", "commanded velocity of the joint"},
     {"live.paused", "1: somebody asked for a pause; command, controller and filter did not run"},
     {"live.take", "number of the operator's take, from 1; 0: none"},
     {"pace.interval", "from the beginning of the last tick to that of this one; 0: one was missed"},
@@ -99,15 +93,14 @@ constexpr struct {
 };
 
 bool fits(std::string_view text, std::string_view pattern) {
+    const auto isSame = [](std::string_view a, std::string_view b) {
+        return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](char x, char y) { return x == y || y == '?'; });
+    };
     const std::size_t star = pattern.find('*');
-    if (star != std::string_view::npos) {
-        const std::size_t end = pattern.size() - star - 1;
-        if (text.size() < star + end || text.substr(text.size() - end) != pattern.substr(star + 1)) return false;
-        text = text.substr(0, star);
-        pattern = pattern.substr(0, star);
-    }
-    const auto isSame = [](char a, char b) { return a == b || b == '?'; };
-    return text.size() == pattern.size() && std::equal(text.begin(), text.end(), pattern.begin(), isSame);
+    if (star == std::string_view::npos) return isSame(text, pattern);
+    const std::size_t end = pattern.size() - star - 1;
+    return text.size() >= star + end && isSame(text.substr(0, star), pattern.substr(0, star)) &&
+           isSame(text.substr(text.size() - end), pattern.substr(star + 1));
 }
 
 }  // namespace

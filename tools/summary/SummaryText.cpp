@@ -271,7 +271,7 @@ std::string formatCommandErrors(const CaseResult& r) {
                        s.following(farthest).largestError() / unit,
                        s.jointNames()[static_cast<std::size_t>(farthest)].c_str());
         if (s.hasRealPlant()) text += format("; real joints %.4g %s RMS", s.realCommandErrorRms() / unit, name);
-        text += format("\n  of what moves RMS error / what the command moves by, per joint [%s]", name) + joints;
+        text += format("\n  per joint     RMS error / what the command moves by [%s]", name) + joints;
     }
     return text.empty() ? "" : "  command      " + text + "\n";
 }
@@ -508,7 +508,10 @@ std::string tellFollowing(const Summary& s) {
     std::string text =
         "the arm was " + error + " from its command, RMS" + (real.empty() ? "" : " (the real one " + real + ")");
     if (s.tool().ticks() > 0)
-        return text + format(", where the command itself moves by %.3g mm", 1e3 * s.tool().asked()) +
+        return text +
+               (s.tool().asked() > kLeastAsked
+                    ? format(", where the command itself moves by %.3g mm", 1e3 * s.tool().asked())
+                    : std::string(", which stands still")) +
                (s.task().hasTurns ? "" : "; the arm cannot turn its tool as it likes: its place counts");
     int worst = -1;
     double most = -1.0;

@@ -1,5 +1,6 @@
 #include "Paths.h"
 #include "analysis/identification/Identification.h"
+#include "records/WorkShare.h"
 
 #include <cmath>
 #include <functional>
@@ -155,7 +156,12 @@ TEST(Identification, IsExactWithoutNoise) {
     experiment.really = withPayload(experiment.robot, 0.3, {0.05, 0.0, -0.02});
     experiment.interval_s = 0.002;
     experiment.quantum = 1e-9;
+    static std::map<std::string, double> told;  // how far it was
+    WorkShare::show = [](const char* what, double share) { told[what] = share; };
     const Identification found = experiment.identify();
+    WorkShare::show = nullptr;
+    EXPECT_EQ(told["smoothing"], 0.5);  // before the second joint
+    EXPECT_EQ(told["fitting"], 1.0);
     const JointFriction& truth = experiment.really.actuation.friction;
     for (int i = 0; i < 2; ++i) {
         const JointIdentification& joint = found.joints[static_cast<std::size_t>(i)];

@@ -77,14 +77,14 @@ function limitSentences(sweep, rows) {
     const column = sweep.results.find((one) => one.name === name);
     const errors = rows.filter((row) => column?.has(row)).map((row) => column.numbers[row]).sort((a, b) => a - b);
     if (errors.length === 0) continue;
-    const [median, largest] = [quantile(errors, 0.5), errors.at(-1)].map((error) => column.format(error));
+    const [median, largest] = [quantile(errors, 0.5), errors.at(-1)].map((error) => column.format(error, true));
     sentences.unshift({ text: `${name.startsWith('real') ? 'the real arm' : 'it'} was ${median} from its command (median, RMS of a run), at most ${largest}`, isGood: true });
     break;
   }
   const share = sweep.results.find(({ name }) => name === 'bound.share');
   const most = rows.reduce((worst, row) => (share?.has(row) ? Math.max(worst, share.numbers[row]) : worst), -Infinity);
   if (most > -Infinity)
-    sentences.push({ text: `largest |e| ${share.format(most)} of the bound`, isGood: most <= OUTSIDE });
+    sentences.push({ text: `the real arm used at most ${share.format(most)} of its tracking bound`, isGood: most <= OUTSIDE });
   const fine = rows.filter((row) => isOk(sweep.statuses[row])).length;
   if (sentences.length === 0) sentences.push({ text: `${count(fine)} of ${all} ended well`, isGood: fine === rows.length });
   return sentences;
