@@ -7,6 +7,7 @@
 #include "PushedArm.h"
 #include "environment/CollisionChecker.h"
 #include "robot/ArmReach.h"
+#include "tracking/JointFollower.h"
 
 namespace viable {
 
@@ -26,8 +27,15 @@ constexpr double kNearer_m = 1e-6;
 constexpr double kHorizon_m = 0.1, kAllowed_m = 1e-8;
 constexpr int kTicksPerJudged = 20;
 /** One run in so many may be frozen once, and so much of all time not. */
-constexpr std::int64_t kRunsPerFrozen = 200;
+constexpr std::int64_t kRunsPerFrozen = 500;
 constexpr double kLeastMoving = 0.985;
+/** A target stands so long; within the rest of it an arm that does not swing moves no joint by more than a count of its encoder,
+or by this where it has no figure [rad]. */
+constexpr double kStands_s = 12.0, kRested_s = 1.0, kCount_rad = 2.0 * kPi / (1 << 19);
+constexpr double kArrived_rad = 1e-3;
+/** One run in so many may move on; and so many targets at least are reached (an obstacle bars the others). */
+constexpr std::int64_t kRunsPerRestless = 200;
+constexpr double kLeastReached = 0.5;
 
 /** A robot and how far it gets. */
 struct ReachingRobot : Robot {
@@ -64,10 +72,10 @@ public:
     const std::filesystem::path path;
 };
 
-enum class Scene { Clutter, Plates, Slot, Cage, Balls, Map, Crowd };
-constexpr std::array kScenes = {Scene::Clutter, Scene::Plates, Scene::Slot, Scene::Cage,
-                                Scene::Balls,   Scene::Map,    Scene::Crowd};
-constexpr std::array kSceneNames = {"clutter", "plates", "slot", "cage", "balls", "map", "crowd"};
+enum class Scene { Clutter, Plates, Slot, Cage, Balls, Map, Crowd, Gap, Door };
+constexpr std::array kScenes = {Scene::Clutter, Scene::Plates, Scene::Slot, Scene::Cage, Scene::Balls,
+                                Scene::Map,     Scene::Crowd,  Scene::Gap,  Scene::Door};
+constexpr std::array kSceneNames = {"clutter", "plates", "slot", "cage", "balls", "map", "crowd", "gap", "door"};
 
 Eigen::Matrix3d drawTurn(Random& random) {
     return Eigen::AngleAxisd(random.uniform(0.0, kPi), random.direction()).toRotationMatrix();
@@ -92,8 +100,20 @@ void addSphere(Environment& environment, double radius, std::vector<MovingSphere
     environment.spheres.push_back(sphere);
 }
 
-/** @param reach  how far the arm gets from its base [m] */
-Environment drawScene(Random& random, Scene scene, double reach, const std::filesystem::path& map) {
+/** Anywhere within the limits, up to `share` of the way from home. */
+JointVector drawPose(Random& random, const RobotDescription& robot, double share) {
+    JointVector q = robot.home;
+    for (int i = 0; i < q.size(); ++i) {
+        const JointBounds& position = robot.limits.position;
+        const double to =
+            random.uniform(std::max(0.95 * position.lower[i], -kPi), std::min(0.95 * position.upper[i], kPi));
+        q[i] += share * (to - q[i]);
+    }
+    return q;
+}
+
+Environment drawScene(Random& random, Scene scene, ReachingRobot& robot, const std::filesystem::path& map) {
+    const double reach = 0.5 * robot.reach.sizes().head<2>().minCoeff();
     const Eigen::Matrix3d upright = Eigen::Matrix3d::Identity();
     const auto drawPlace = [&] {
         return Eigen::Vector3d(random.uniform(0.3, 1.0) * reach * random.direction() +
@@ -147,6 +167,24 @@ Environment drawScene(Random& random, Scene scene, double reach, const std::file
             for (int k = 0; k < 120; ++k)
                 addSphere(environment, random.uniform(0.02, 0.04), {{0.0, 1.2 * drawPlace()}});
             break;
+        case Scene::Gap:     // between two boxes, where the tool gets
+        case Scene::Door: {  // in a wall there
+            const JointVector q = drawPose(random, robot.description, 1.0);
+            Dynamics dynamics;
+            robot.model.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
+            const Eigen::Matrix3d turn = drawTurn(random);
+            const double half = random.uniform(0.08, 0.2), wall = 0.3;
+            for (const int axis : scene == Scene::Gap ? std::vector{0} : std::vector{0, 1})
+                for (const double side : {-1.0, 1.0}) {
+                    Eigen::Vector3d size = scene == Scene::Gap ? Eigen::Vector3d(wall, wall, wall)
+                                                               : Eigen::Vector3d(2.0 * half, 2.0 * half, 0.02);
+                    if (scene == Scene::Door && axis == 1) size[0] += 2.0 * wall;
+                    size[axis] = wall;
+                    addBox(environment, size, dynamics.tool.position + side * (half + wall / 2.0) * turn.col(axis),
+                           turn);
+                }
+            break;
+        }
     }
     return environment;
 }
@@ -154,15 +192,16 @@ Environment drawScene(Random& random, Scene scene, double reach, const std::file
 /** An arm that is asked to go from pose to pose in a scene, and how long it rests. */
 class FreezingCase {
 public:
-    FreezingCase(ReachingRobot& robot, Random& random, Scene scene, const std::filesystem::path& map)
-        : robot_(robot),
-          random_(random),
-          environment_(drawScene(random, scene, 0.5 * robot.reach.sizes().head<2>().minCoeff(), map)) {
+    /** @param serves  one target, by a servo; else one after the other, by a spring */
+    FreezingCase(ReachingRobot& robot, Random& random, Scene scene, const std::filesystem::path& map,
+                 bool serves = false)
+        : serves_(serves), robot_(robot), random_(random), environment_(drawScene(random, scene, robot, map)) {
         options_.torqueShare = random.chance(0.5) ? 1.0 : kInfinity;
         start_ = {robot.description.home, JointVector::Zero(n()), JointVector::Zero(n())};
-        if (random.chance(0.7)) start_.q = drawPose(random.uniform(0.1, 1.0));
+        if (random.chance(0.7)) start_.q = drawPose(random, robot.description, random.uniform(0.1, 1.0));
         stiffness_ = random.logUniform(10.0, 300.0);
         alone_ = random.chance(0.2) ? random.integer(0, n() - 1) : -1;
+        still_.setZero(n());
     }
 
     /** False: there is no such start. */
@@ -180,6 +219,10 @@ public:
         }
         checker_ = std::make_unique<CollisionChecker>(d, robot_.geometry, environment_);
         state_ = start_;
+        if (serves_) {
+            servo_.emplace();
+            servo_->configure(d, d.limits, kTick_s, start_, 1.0, &robot_.geometry);
+        }
         return true;
     }
 
@@ -187,17 +230,29 @@ public:
     double step(int tick) {
         const double t = tick * kTick_s;
         if (ticksLeft_-- <= 0) {
-            goal_ = drawPose(1.0);
+            goal_ = drawPose(random_, robot_.description, 1.0);
             for (int i = 0; alone_ >= 0 && i < n(); ++i)
                 if (i != alone_) goal_[i] = start_.q[i];
-            ticksLeft_ = static_cast<int>(random_.uniform(4.0, 20.0) / kTick_s);
+            ticksLeft_ = serves_ ? kTicks : static_cast<int>(random_.uniform(4.0, 20.0) / kTick_s);
         }
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
-        const JointVector wanted = stiffness_ * (goal_ - state_.q) - 2.0 * std::sqrt(stiffness_) * state_.qd;
-        torque_ = dynamics_.M * wanted + dynamics_.b;
-        filter_.filter({state_, torque_, dynamics_}, decision_);
+        if (servo_) {
+            servo_->calc(state_, {goal_, still_, still_}, feed_->view().surroundings, t, jerk_);
+            torque_ = dynamics_.M * state_.qdd + dynamics_.b;
+        } else {
+            torque_ =
+                dynamics_.M * (stiffness_ * (goal_ - state_.q) - 2.0 * std::sqrt(stiffness_) * state_.qd) + dynamics_.b;
+        }
+        filter_.filter({state_, torque_, dynamics_, servo_ ? &jerk_ : nullptr}, decision_);
         advanceNominal(decision_, kTick_s, state_);
         countRest(t);
+        if ((goal_ - state_.q).cwiseAbs().maxCoeff() > kArrived_rad) arrival_s = t + kTick_s;
+        if (t < kStands_s - kRested_s) {
+            least_ = most_ = state_.q;
+        } else {
+            least_ = least_.cwiseMin(state_.q);
+            most_ = most_.cwiseMax(state_.q);
+        }
         if (tick % kTicksPerJudged != 0) return 0.0;
         const double missing =
             environment_.safetyDistance_m - checker_->findContact(state_.q, t + kTick_s, kHorizon_m).distance;
@@ -206,6 +261,17 @@ public:
     void end() { countEpisode(); }
 
     std::int64_t restTicks = 0, frozenTicks = 0, longestFrozen = 0;
+    double arrival_s = 0.0;  ///< the last time at which it was away from the target
+
+    /** How far a joint moves in the rest of a target's time, in counts of its encoder. */
+    double countMoved() const {
+        double moved = 0.0;
+        for (int i = 0; i < n(); ++i) {
+            const double count = robot_.description.encoderStep(i);
+            moved = std::max(moved, (most_[i] - least_[i]) / (count > 0.0 ? count : kCount_rad));
+        }
+        return moved;
+    }
 
     /** The frozen pose, and the joint that could have moved. */
     std::string describe() const {
@@ -218,19 +284,6 @@ public:
 
 private:
     int n() const { return robot_.description.size(); }
-
-    /** Anywhere within the limits, up to `share` of the way from home. */
-    JointVector drawPose(double share) {
-        const JointBounds& position = robot_.description.limits.position;
-        JointVector q(n());
-        for (int i = 0; i < n(); ++i) {
-            const double home = robot_.description.home[i];
-            const double to =
-                random_.uniform(std::max(0.95 * position.lower[i], -kPi), std::min(0.95 * position.upper[i], kPi));
-            q[i] = home + share * (to - home);
-        }
-        return q;
-    }
 
     /** Of every capsule from what is around, and of every pair of capsules; the rest of a ball's path counts, as the arm must be
     able to rest. */
@@ -311,6 +364,7 @@ private:
         isFrozen_ = false;
     }
 
+    const bool serves_;
     ReachingRobot& robot_;
     Random& random_;
     Environment environment_;
@@ -320,6 +374,8 @@ private:
     std::vector<std::unique_ptr<CollisionChecker>> parts_;  ///< made when an arm rests
     std::optional<RunSetup> setup_;
     WholeArmBrakingFilter filter_;
+    std::optional<JointFollower> servo_;
+    JointVector still_, jerk_, least_, most_;
     MotionState start_, state_;
     Dynamics dynamics_;
     FilterDecision decision_;
@@ -379,6 +435,57 @@ bool checkFreezing(const Options& options) {
     if (ticks - frozen < kLeastMoving * static_cast<double>(ticks))
         std::printf("TOO LONG: frozen, at most %.3g %% of the time may be\n", 100.0 * (1.0 - kLeastMoving));
     return run.isGood() && frozenRuns <= most && ticks - frozen >= kLeastMoving * static_cast<double>(ticks);
+}
+
+bool checkSwinging(const Options& options) {
+    ReachingRobot robots[] = {ReachingRobot("indy7"), ReachingRobot("panda"), ReachingRobot("ur5e")};
+    const MapFile map;
+    Run run("swinging", options);
+    std::int64_t runs = 0, swings = 0, frozen = 0, arrived = 0;
+    Figures arrivals;
+    while (run.nextArm()) {
+        Random random(run.seed(), run.arm());
+        ReachingRobot& robot = robots[random.integer(0, 2)];
+        Scene scene;
+        do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
+        while (scene == Scene::Balls);  // those move
+        std::unique_ptr<FreezingCase> arm;
+        do arm = std::make_unique<FreezingCase>(robot, random, scene, map.path, true);
+        while (!arm->begin());
+        for (int tick = 0; tick * kTick_s < kStands_s; ++tick) {
+            const double missing = arm->step(tick);
+            run.addSteps(robot.description.size());
+            if (missing > 0.0) run.fail("nearer than the safety distance", missing);
+        }
+        arm->end();
+        ++runs;
+        const char* const name = kSceneNames[static_cast<std::size_t>(scene)];
+        const double moved = arm->countMoved();
+        const bool hasArrived = arm->arrival_s < kStands_s - kRested_s;
+        arrived += hasArrived;
+        if (hasArrived) arrivals.add(arm->arrival_s);
+        if (moved > 1.0) {
+            ++swings;
+            std::printf("  run %lld, %s, %s: at the end moves by %.3g counts\n", static_cast<long long>(run.arm()),
+                        robot.description.name.c_str(), name, moved);
+        }
+        if (arm->frozenTicks > 0) {
+            ++frozen;
+            std::printf("  run %lld, %s, %s: frozen for %.1f s: %s\n", static_cast<long long>(run.arm()),
+                        robot.description.name.c_str(), name, static_cast<double>(arm->frozenTicks) * kTick_s,
+                        arm->describe().c_str());
+        }
+    }
+    run.print();
+    std::printf("  targets: %lld, reached: %lld, moves on: %lld, frozen: %lld\n", static_cast<long long>(runs),
+                static_cast<long long>(arrived), static_cast<long long>(swings), static_cast<long long>(frozen));
+    arrivals.print("arrival [s]");
+    const std::int64_t most = runs / kRunsPerRestless;
+    if (swings > most || frozen > runs / kRunsPerFrozen)
+        std::printf("TOO MANY: at most %lld of so many may move on, and %lld be frozen\n", static_cast<long long>(most),
+                    static_cast<long long>(runs / kRunsPerFrozen));
+    run.expectShare("reached", arrived, runs, kLeastReached);
+    return run.isGood() && swings <= most && frozen <= runs / kRunsPerFrozen;
 }
 
 }  // namespace viable

@@ -161,7 +161,8 @@ double AxisServo::aim(const AxisState& relative, const AxisLimits& limits, Appro
 
 double AxisServo::calc(const AxisState& state, const AxisState& wanted) {
     // Where somebody else decided what the joint does, a new plan: it does not follow a stop of ours.
-    if (hasExpected_ && !isSame(state, expected_))
+    isLed_ = hasExpected_ && !isSame(state, expected_);
+    if (isLed_)
         certificate_.reset(state);
     else
         certificate_.beginTick(state);

@@ -25,6 +25,8 @@ public:
 
     /** The jerk to hold in this tick [rad/s^3]. All finite. */
     double calc(const AxisState& state, const AxisState& target);
+    /** In the last calc() the joint was not where the jerk before had led: somebody else decided. */
+    bool isLed() const { return isLed_; }
 
 private:
     /** A motion relative to the target that ends there at rest. */
@@ -43,7 +45,7 @@ private:
     BrakingCertificate certificate_;
     Approach approach_;
     AxisState lastTarget_, expected_;
-    bool hasLastTarget_ = false, hasExpected_ = false;
+    bool hasLastTarget_ = false, hasExpected_ = false, isLed_ = false;
 };
 
 }  // namespace viable

@@ -31,6 +31,11 @@ void Servo::changeLimits(const JointLimits& limits) {
     for (int i = 0; i < impl_->n; ++i) impl_->joints[i].changeLimits(limits.axis(i));
 }
 
+bool Servo::isLed() const {
+    return std::any_of(impl_->joints.data(), impl_->joints.data() + impl_->n,
+                       [](const AxisServo& joint) { return joint.isLed(); });
+}
+
 void Servo::skipTicks(std::int64_t ticks) {
     for (int i = 0; i < impl_->n; ++i) impl_->joints[i].skipTicks(ticks);
 }

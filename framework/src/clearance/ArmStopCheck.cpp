@@ -6,6 +6,9 @@ namespace viable::detail {
 
 namespace {
 
+/** Jerks whose part across what bars them is no more than this lead along it. */
+constexpr double kAlong = 0.1;
+
 /** Rows of one look at a path. */
 constexpr int kMostClearanceRows = 12;
 /** A clearance counts as known while the paths since it was looked at have moved by no more than this share of what is left of
@@ -394,9 +397,10 @@ void ArmStopCheck::measurePeople(const ArmPath& path, PeopleCheck::Result& resul
     people_.examine(path, own_, {0.0, PeopleCheck::kGuard_m}, false, result);
 }
 
-int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other,
-                                 const JointVector& otherJerk, const Demands& demands) {
+ArmStopCheck::Worst ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other,
+                                                 const JointVector& otherJerk, const Demands& demands) {
     const StopPair stops{*path_, jerk, other, otherJerk};
+    Worst worst;
     RowQp::Rows rows;
     if (!found.speed.isKept) {
         speed_.addRows(stops, demands.speed, rows);
@@ -405,18 +409,21 @@ int ArmStopCheck::findWorstJoint(const Result& found, const JointVector& jerk, c
     } else if (!found.isClear) {
         const std::size_t e = order_.front();
         const ElementDistance::Place& place = places_[e];
-        if (place.isSeen())
-            rows_.addClearance(place, elements_[e], motion_.getFrames(place.sample), motion_.calcTime(place.sample),
-                               demands.ahead[e], stops, rows);
+        if (place.isSeen()) {
+            const ArmRecursion::Frames& frames = motion_.getFrames(place.sample);
+            const double t_s = motion_.calcTime(place.sample);
+            rows_.addClearance(place, elements_[e], frames, t_s, demands.ahead[e], stops, rows);
+            worst.isAlong = rows_.calcSteepness(place, elements_[e], frames, t_s, stops) <= kAlong;
+        }
     } else if (torque_.failsByRate()) {
-        return torque_.findWorstJoint(*path_, jerk, other, otherJerk);
+        worst.joint = torque_.findWorstJoint(*path_, jerk, other, otherJerk);
     } else if (torque_.faultCount() > 0) {
         rows_.addTorque(torque_.fault(0), stops, rows);
     }
-    if (rows.count == 0) return -1;
-    Eigen::Index worst = 0;
-    const double most = rows.normal[0].cwiseProduct(otherJerk - jerk).maxCoeff(&worst);
-    return most > 0.0 ? static_cast<int>(worst) : -1;
+    if (rows.count == 0) return worst;
+    Eigen::Index joint = 0;
+    if (rows.normal[0].cwiseProduct(otherJerk - jerk).maxCoeff(&joint) > 0.0) worst.joint = static_cast<int>(joint);
+    return worst;
 }
 
 }  // namespace viable::detail

@@ -121,10 +121,14 @@ public:
     bool failsByRate(const Result& found) const {
         return found.isClear && found.speed.isKept && found.people.isKept && torque_.failsByRate();
     }
+    struct Worst {
+        int joint = -1;        ///< -1: none
+        bool isAlong = false;  ///< of a clearance: the jerks lead along it more than towards it
+    };
     /** Of what the last examine() found not to be good, with mustBeGood: the joint that, with the jerk of the other path, would
-    mend most of it, to first order; -1: none would. */
-    int findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
-                       const Demands& demands);
+    mend most of it, to first order. */
+    Worst findWorstJoint(const Result& found, const JointVector& jerk, const ArmPath& other,
+                         const JointVector& otherJerk, const Demands& demands);
     /** See SteeringRows::addTick. */
     void addTickRows(const Dynamics& dynamics, const JointVector& qdd, double torqueUse, const JointVector& lastTorque,
                      RowQp::Rows& rows) const {

@@ -56,6 +56,16 @@ bool SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmEle
     return rows.normal[last].dot(stops.otherJerk) >= rows.bound[last];
 }
 
+double SteeringRows::calcSteepness(const ElementDistance::Place& place, const ArmElement& element,
+                                   const ArmRecursion::Frames& frames, double t_s, const StopPair& stops) const {
+    JointVector gradient, here, there;
+    calcDistanceGradient(place, element, capsules_, arm_, frames, gradient);
+    stops.path.calcPositions(std::min(t_s, stops.path.duration()), here);
+    stops.other.calcPositions(std::min(t_s, stops.other.duration()), there);
+    const double most = gradient.norm() * (there - here).norm();
+    return most > 0.0 ? gradient.dot(there - here) / most : 0.0;
+}
+
 void SteeringRows::addTorque(const TorqueScan::Fault& fault, const StopPair& stops, RowQp::Rows& rows) const {
     const double t = static_cast<double>(fault.tick) * tick_s_;
     const double middle = t + tick_s_ / 2.0;  // the torque of a tick is that of its mean acceleration

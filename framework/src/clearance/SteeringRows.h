@@ -36,6 +36,10 @@ public:
     @return     whether the other stop's jerk keeps it */
     bool addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
                      const StopPair& stops, RowQp::Rows& rows) const;
+    /** By how much of what the joints could do with as long a way they come nearer on the first stop than on the other: in
+    [-1, 1], 0 where they lead along. */
+    double calcSteepness(const ElementDistance::Place& place, const ArmElement& element,
+                         const ArmRecursion::Frames& frames, double t_s, const StopPair& stops) const;
     /** Brings a torque of the stop, or its change, back within its limit, by the accelerations there. */
     void addTorque(const TorqueScan::Fault& fault, const StopPair& stops, RowQp::Rows& rows) const;
     /** Keeps the torque of the tick itself, M (qdd + u dt / 2) + b, within its limits; exact. */

@@ -6,6 +6,8 @@ namespace {
 
 /** Farther than so much beyond its least clearance nothing is steered away from [m]. */
 constexpr double kInfluence_m = 0.1;
+/** So much of the guard bumps may take [m]: more than those of links of the usual size. */
+constexpr double kEase_m = 0.4 * bisection::kGuard_m;
 
 }  // namespace
 
@@ -13,6 +15,7 @@ StopDemands::StopDemands(int elements, double share) : share_(share) {
     for (ArmStopCheck::Demands* d : {&demands_, &measures_})
         for (std::vector<double>* v : {&d->floor, &d->least, &d->ahead, &d->reached, &d->far})
             v->assign(static_cast<std::size_t>(elements), -kInfinity);
+    hard_.resize(static_cast<std::size_t>(elements));
     measures_.torqueUse = kInfinity;
     measures_.speed = {kInfinity, kInfinity, kInfinity};
     measures_.people.least = 0.0;
@@ -50,6 +53,16 @@ void StopDemands::raise(const ArmStopCheck::Result& kept) {
         demands_.ahead[e] = demands_.least[e] + (1.0 - share_) * room;
         demands_.far[e] = demands_.least[e] + kInfluence_m;
     }
+}
+
+void StopDemands::ease() {
+    hard_ = demands_.least;
+    for (double& least : demands_.least) least = std::min(least, aim() - kEase_m);
+}
+
+void StopDemands::harden(const ArmStopCheck::Result* taken) {
+    demands_.least = hard_;
+    for (std::size_t e = 0; taken && e < hard_.size(); ++e) demands_.least[e] = std::min(hard_[e], taken->seen[e]);
 }
 
 bool StopDemands::isKept() const {

@@ -21,6 +21,11 @@ public:
     void begin(const ArmStopCheck::Result& stored);
     /** What has become better stays so; and how near the next stop may come of what is left. */
     void raise(const ArmStopCheck::Result& kept);
+    /** In the next look what is kept may come nearer than it is, within the guard: balls that cover a capsule are bumps on
+    it, which bar its way along an obstacle. */
+    void ease();
+    /** Ends that. Of the stop that was looked at and is taken no more is asked until it is kept; null: it is not taken. */
+    void harden(const ArmStopCheck::Result* taken);
     /** The torque that the stop taken now uses: the next one may use no more. */
     void lowerTorqueUse(double use);
 
@@ -34,6 +39,7 @@ private:
 
     double share_, required_m_ = 0.0;
     ArmStopCheck::Demands demands_, measures_;
+    std::vector<double> hard_;
 };
 
 }  // namespace viable::detail

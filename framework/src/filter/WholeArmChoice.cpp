@@ -12,6 +12,9 @@ constexpr double kRounding_m = 1e-8;
 /** QPs with rows in a tick, and points tried on the way back to the backup stop. */
 constexpr int kSteeringRounds = 2, kRetreats = 3;
 
+/** An arm is still below this share of its velocity limits; one that is for so long though it is asked to move is eased [s]. */
+constexpr double kStill = 1e-3, kWait_s = 0.25;
+
 /** In messages clearances are told apart up to here [m]. */
 constexpr double kLargestShown_m = 0.5;
 
@@ -40,7 +43,11 @@ WholeArmChoice::WholeArmChoice(const RunSetup& setup, const WholeArmBrakingOptio
       trial_(check_.makeResult()),
       other_(check_.makeResult()),
       ofPeople_(reports_[LimitKind::Separation]),
-      limited_(limited) {}
+      limited_(limited) {
+    const JointBounds& fastest = setup.limits.velocity;
+    still_radps_ = kStill * fastest.upper.cwiseMin(-fastest.lower);
+    if (!still_radps_.allFinite()) still_radps_.setZero();
+}
 
 WholeArmChoice::~WholeArmChoice() {
     if (feed_) feed_->release();
@@ -48,7 +55,9 @@ WholeArmChoice::~WholeArmChoice() {
 }
 
 void WholeArmChoice::reset(const MotionState& start) {
-    tick_ = 0;
+    tick_ = still_ = 0;
+    wait_ = std::llround(kWait_s / tick_s_);
+    isEasing_ = false;
     updateSurroundings();
     watch_.reset();
     ofPeople_ = {};
@@ -199,7 +208,8 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         steered_ = proposed_;
         if (steers) setStoredPath(nominal);
         setPath(nominal, proposed_);
-        const bool hasForeseen = steers && foresee(nominal, dynamics, metric, desired);
+        updateEasing(nominal);
+        const bool hasForeseen = steers && !isEasing_ && foresee(nominal, dynamics, metric, desired);
         if (hasForeseen) {
             reason = LimitKind::Clearance;
             setPath(nominal, steered_);
@@ -207,6 +217,7 @@ FilterStatus WholeArmChoice::choose(const MotionState& nominal, const Dynamics& 
         // Where jerks that are steered already are not good, others beside rows seldom do better, and rows cost a complete look.
         const bool wantsRows = steers && !hasForeseen;
         if (isPathGood(wantsRows)) keepBest(steered_);
+        if (hasBest_) isEasing_ = false;
         const ArmStopCheck::Result& first = hasBest_ ? best_ : trial_;
         const bool hasRows = steers && (wantsRows || first.isClear);
         if (!hasBest_ || !first.isAhead) {
@@ -282,6 +293,10 @@ from them back to the backup stop.
 void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                            const JointVector& desired, bool hasRows) {
     const bool steers = options_.steers && metric;
+    if (isEasing_ && steers && demands_.isKept()) {
+        goOneByOne(nominal, desired);
+        if (hasBest_) return;
+    }
     JointVector from = steered_;  // what was looked at last
     if (hasRows) {
         rows_.clear();
@@ -311,24 +326,43 @@ void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics,
         keepBest(proposed_);
     // What holds some joints is not to hold those that have nothing to do with it: one by one, the worst first, they go back,
     // and the others do what is desired of them; but on the path all are held alike, and where the distance is lost all brake.
-    const auto holdSingle = [&] {
-        if (hasBest_ || !steers || !demands_.isKept()) return;
-        JointVector some;
-        braking_.propose(&identity_, desired, nullptr, some);
-        for (int k = 0; k < static_cast<int>(some.size()) && braking_.isAdmissible(some); ++k) {
-            if (isGood(nominal, some, false)) return keepBest(some);
-            const int worst = check_.findWorstJoint(trial_, some, storedPath_, storedJerk_, demands_.get());
-            if (worst < 0) return;
-            some[worst] = storedJerk_[worst];
-        }
-    };
-    const bool isOfRate = check_.failsByRate(trial_);
-    if (isOfRate) holdSingle();
+    const bool isOfRate = check_.failsByRate(trial_), mayGo = steers && !isEasing_ && demands_.isKept();
+    if (!hasBest_ && isOfRate && mayGo) goOneByOne(nominal, desired);
     for (int k = 0; k < kRetreats && !hasBest_; ++k) {
         from = (from + storedJerk_) / 2.0;
         if (braking_.isAdmissible(from) && isGood(nominal, from, false)) keepBest(from);
     }
-    if (!isOfRate) holdSingle();
+    if (!hasBest_ && !isOfRate && mayGo) goOneByOne(nominal, desired);
+}
+
+void WholeArmChoice::goOneByOne(const MotionState& nominal, const JointVector& desired) {
+    JointVector from;
+    braking_.propose(&identity_, desired, nullptr, from);
+    for (int k = 0; k < static_cast<int>(from.size()) && braking_.isAdmissible(from); ++k) {
+        if (isGood(nominal, from, false)) return keepBest(from);
+        const ArmStopCheck::Worst worst = check_.findWorstJoint(trial_, from, storedPath_, storedJerk_, demands_.get());
+        if (isEasing_ && worst.isAlong) {
+            demands_.ease();
+            const bool isGoodNow = isPathGood(false);
+            demands_.harden(isGoodNow ? &trial_ : nullptr);
+            if (isGoodNow) return keepBest(from);
+        }
+        if (worst.joint < 0) return;
+        from[worst.joint] = storedJerk_[worst.joint];
+    }
+}
+
+/** An arm that is still for a while though it is asked to move, is eased until it has moved and is still again; where that
+leads nowhere, not again for twice the time. */
+void WholeArmChoice::updateEasing(const MotionState& nominal) {
+    if ((nominal.qd.array().abs() > still_radps_.array()).any()) {
+        still_ = 0;
+        wait_ = std::llround(kWait_s / tick_s_);
+    } else if (++still_ >= wait_) {
+        still_ = 0;
+        if (isEasing_) wait_ *= 2;
+        isEasing_ = !isEasing_ && feed_;
+    }
 }
 
 /** Who is near an element, and to what. */

@@ -68,6 +68,8 @@ private:
     const JointMatrix* chooseMetric(const Dynamics& dynamics, const JointMatrix* metric);
     bool foresee(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                  const JointVector& desired);
+    void updateEasing(const MotionState& nominal);
+    void goOneByOne(const MotionState& nominal, const JointVector& desired);
     void steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                const JointVector& desired, bool hasRows);
 
@@ -97,6 +99,9 @@ private:
     RowQp::Rows rows_;
     JointVector lastTorque_, storedJerk_, proposed_, steered_, bestJerk_;
     bool hasBest_ = false;
+    JointVector still_radps_;            ///< below, a joint is still
+    std::int64_t still_ = 0, wait_ = 0;  ///< ticks
+    bool isEasing_ = false;              ///< see StopDemands::ease
     LimitReports reports_;
     LimitReport& ofPeople_;  ///< of them
     const ArmGeometry* const limited_;

@@ -263,7 +263,8 @@ void ControlLoop::feelTouch() {
     const double above = surface.normal.dot(dynamics.tool.position) - surface.offset;
     if (touch_->isOn() && touch_->hasLost()) {
         if (above > 2.0 * touch_->kLead && nominalArm_.waits()) nominalArm_.endWait();
-        if (above >= touch_->kLead && !nominalArm_.waits()) touch_->end();  // else the tool would be thrown back to the nominal one
+        if (above >= touch_->kLead && !nominalArm_.waits())
+            touch_->end();  // else the tool would be thrown back to the nominal one
     }
     if (!touch_->isOn()) return;
     if (!loop_.isStopping() && (nominalArm_.waits() || above < 0.0)) nominalArm_.wait(surface);

@@ -170,7 +170,7 @@ private:
     SensorCheck sensors_;
     bool hasReading_ = false;                   // one has been looked at since reset()
     std::unique_ptr<detail::ToolTouch> touch_;  // null: no contact is asked for
-    JointVector ownTorque_;                     // the loop's in robustTorque_, without the push; of size 0: that has none
+    JointVector ownTorque_;                     // the loop's share of that; of size 0: all of it
     ContactReport contact_;
     JointVector externalTorque_;  // that acts on the nominal arm; empty: none is fed to it
     int missingExternalTorques_ = 0;

@@ -11,6 +11,9 @@ namespace {
 /** The lead beyond the way in which a joint stops from its velocity limit [ticks at that limit]: a stop on the grid of ticks is longer than
 that of continuous time. */
 constexpr double kLeadTicks = 3.0;
+/** Towards joint positions, the rest of the lead of an arm that is led shrinks by e in this share of its longest stop, down to a
+least share; it grows by e in a whole one. */
+constexpr double kShrinking = 0.25, kLeastLead = 0.02;
 
 /** How far a joint goes until it has stopped [rad]. */
 double calcWay(double v, double a, const AxisLimits& limits) {
@@ -43,6 +46,11 @@ void ToolFollower::updateLimits(const JointLimits& limits) {
         const AxisLimits axis = stopLimits_.axis(i);
         for (double* v : {&lead_.lower[i], &lead_.upper[i]}) *v = calcWay(*v, 0.0, axis) + kLeadTicks * tick_s_ * *v;
     }
+    const double longest_s = calcLongestStop(limits);
+    tremble_.configure(std::isfinite(longest_s) ? 4 + std::llround(4.0 * longest_s / tick_s_) : 4000);
+    const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
+    shrink_ = isBounded ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;
+    grow_ = isBounded ? std::exp(tick_s_ / longest_s) : 1.0;
     around_ = lead_;
     stop_.setZero(limits.size());
 }
@@ -62,6 +70,8 @@ void ToolFollower::reset(const MotionState& start) {
     servo_.reset(start);
     target_ = {start.q, zero, zero};
     velocity_.reset(start.q);
+    tremble_.reset(start.q);
+    leadShare_ = 1.0;
 }
 
 void ToolFollower::changeLimits(const JointLimits& limits) {
@@ -79,24 +89,40 @@ void ToolFollower::skipTicks(std::int64_t ticks) {
 void ToolFollower::findAround(const MotionState& state) {
     for (int i = 0; i < state.q.size(); ++i) {
         const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], stopLimits_.axis(i));
-        around_.lower[i] = std::min(state.q[i], stop) + lead_.lower[i];
-        around_.upper[i] = std::max(state.q[i], stop) + lead_.upper[i];
+        const auto shorten = [&](double lead, double v) {
+            const double least = kLeadTicks * tick_s_ * v;
+            return leadShare_ < 1.0 && std::isfinite(v) ? least + leadShare_ * (lead - least) : lead;
+        };
+        around_.lower[i] = std::min(state.q[i], stop) + shorten(lead_.lower[i], stopLimits_.velocity.lower[i]);
+        around_.upper[i] = std::max(state.q[i], stop) + shorten(lead_.upper[i], stopLimits_.velocity.upper[i]);
         stop_[i] = stop;
     }
 }
 
-void ToolFollower::calc(const MotionState& state, const Pose& command, const Surroundings* surroundings, double time_s,
+template <class Goal>
+void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surroundings* surroundings, double time_s,
                         JointVector& jerk) {
-    findAround(state);
-    reference_.advance(command, surroundings, time_s, &around_);
+    if constexpr (std::is_same_v<Goal, JointVector>) {
+        leadShare_ = std::clamp(leadShare_ * (servo_.isLed() ? shrink_ : grow_), kLeastLead, 1.0);
+        findAround(state);
+        const JointVector& q = reference_.q();
+        if ((q.array() < around_.lower.array() || q.array() > around_.upper.array()).any()) reference_.moveTo(stop_);
+    } else {
+        findAround(state);
+    }
+    reference_.advance(goal, surroundings, time_s, &around_);
     if (reference_.isHeldBack()) {
-        reference_.leapTo(stop_, command);
+        reference_.leapTo(stop_, goal);
+        if (std::is_same_v<Goal, JointVector> && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);
         velocity_.forget();  // it may stop at any moment: be able to stop with it
     }
     target_.q = reference_.q();
     target_.qd = velocity_.calc(target_.q);
     servo_.calc(state, target_, jerk);
 }
+
+template void ToolFollower::lead(const MotionState&, const Pose&, const Surroundings*, double, JointVector&);
+template void ToolFollower::lead(const MotionState&, const JointVector&, const Surroundings*, double, JointVector&);
 
 bool normalise(Pose& command) {
     const double norm = command.orientation.norm();

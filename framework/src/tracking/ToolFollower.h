@@ -67,9 +67,21 @@ public:
         @param time_s        of the run
         @param jerk          [rad/s^3] */
     void calc(const MotionState& state, const Pose& command, const Surroundings* surroundings, double time_s,
-              JointVector& jerk);
+              JointVector& jerk) {
+        lead(state, command, surroundings, time_s, jerk);
+    }
+    /** The same towards joint positions. */
+    void calc(const MotionState& state, const JointVector& goal, const Surroundings* surroundings, double time_s,
+              JointVector& jerk) {
+        lead(state, goal, surroundings, time_s, jerk);
+    }
+    const ToolReference& reference() const { return reference_; }
+    bool isLed() const { return servo_.isLed(); }  ///< see Servo
 
 private:
+    template <class Goal>
+    void lead(const MotionState& state, const Goal& goal, const Surroundings* surroundings, double time_s,
+              JointVector& jerk);
     void updateLimits(const JointLimits& limits);
     JointVector findRest(const JointLimits& limits) const;
     void findAround(const MotionState& state);
@@ -84,6 +96,8 @@ private:
     Servo servo_;
     TargetVelocity velocity_;  ///< velocity of the reference
     MotionState target_;
+    Tremble tremble_;                                     ///< of the arm
+    double leadShare_ = 1.0, shrink_ = 1.0, grow_ = 1.0;  ///< the latter two a tick
 };
 
 /** Makes the quaternion of a commanded pose unit length. False where its length is not between 0.5 and 2, or a

@@ -33,6 +33,11 @@ constexpr double kBack = 0.1;
 /** It leaps to where the error is less than this share of its own, and not for one below that [m]: spare joints are then on
 their way. */
 constexpr double kLeap = 0.5, kLeapFrom_m = 1e-3;
+/** A motion leads nowhere that comes less than this share of its way, and rests until the distances change by more [m]. */
+constexpr double kNowhere = 0.1, kOtherwise_m = 1e-6;
+/** Joints that go one by one come so much nearer, less than kMargin_m leaves [m]: balls that cover the capsules are bumps on their
+way. */
+constexpr double kEase_m = 0.0015;
 
 /** Poses in which a tool's directions are counted, and the least share of the best one. */
 constexpr int kFreedomPoses = 60;
@@ -74,6 +79,21 @@ std::string ToolFreedom::describe() const {
            "the position comes first, and it turns as far as joints are left";
 }
 
+void Tremble::reset(const JointVector& q) {
+    from_ = last_ = q;
+    way_ = 0.0;
+    left_ = ticks_;
+}
+
+bool Tremble::find(const JointVector& q, bool countsStill) {
+    way_ += (q - last_).norm();
+    last_ = q;
+    if (--left_ > 0) return false;
+    const bool isNowhere = (way_ > 0.0 || countsStill) && (q - from_).norm() <= kNowhere * way_;
+    reset(q);
+    return isNowhere;
+}
+
 /** What of the arm is near, and the rows that keep it from coming nearer. */
 struct ToolReference::Clear {
     Clear(const RobotDescription& robot, const ArmGeometry& geometry) : clearances(robot, geometry) {}
@@ -88,10 +108,7 @@ struct ToolReference::Clear {
     does not, as far as a step within the box can come to them. */
     bool admits(const JointVector& step, const JointVector& lower, const JointVector& upper) {
         rows.clear();
-        const auto bound = [&](const ArmClearances::Item& item) {
-            const double spare = item.distance - least_m;
-            return spare >= 0.0 ? -spare : std::min(-spare, std::max(0.0, -kBack * item.gradient.dot(step)));
-        };
+        const auto bound = [&](const ArmClearances::Item& item) { return findBound(item, step); };
         const auto keeps = [&](const ArmClearances::Item& item) { return item.gradient.dot(step) >= bound(item); };
         for (const ArmClearances::Item& item : *items)
             if (!keeps(item)) rows.add(item.gradient, bound(item));
@@ -105,6 +122,16 @@ struct ToolReference::Clear {
                 if (keeps(item) && !(farthest >= bound(item))) rows.add(row, bound(item));
             }
         return false;
+    }
+
+    bool admits(const JointVector& step, double ease_m) const {
+        return std::all_of(items->begin(), items->end(), [&](const ArmClearances::Item& item) {
+            return item.gradient.dot(step) >= findBound(item, step, ease_m);
+        });
+    }
+    double findBound(const ArmClearances::Item& item, const JointVector& step, double ease_m = 0.0) const {
+        const double spare = item.distance - least_m + ease_m;
+        return spare >= 0.0 ? -spare : std::min(-spare, std::max(0.0, -kBack * item.gradient.dot(step)));
     }
 
     /** The nearest step to `target` that keeps the rows; false: none was found. */
@@ -154,11 +181,13 @@ void ToolReference::changeLimits(const JointLimits& limits, const JointVector& r
     rest_ = rest;
     const double longest_s = calcLongestStop(limits);
     apartRate_ = longest_s > 0.0 ? 1.0 / longest_s : 1.0;
+    tremble_.configure(std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s_) : 1000);
 }
 
 void ToolReference::reset(const JointVector& q) {
     q_ = q;
-    isHeldBack_ = false;
+    isHeldBack_ = rests_ = false;
+    tremble_.reset(q);
     qp_.reset();
     if (clear_) clear_->qp.reset();
 }
@@ -208,7 +237,8 @@ void ToolReference::applyStep() {
     factors.solveInPlace(target_);
     qp_.solve(factor_, target_, lower_, upper_, step_);
     isHeldBack_ = (step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any();
-    if (!clear_ || clear_->admits(step_, lower_, upper_)) return;
+    isBarred_ = clear_ && !clear_->admits(step_, lower_, upper_);
+    if (!isBarred_) return;
     isHeldBack_ = true;
     if (clear_->solve(factor_, target_, lower_, upper_, step_)) return;
     clear_->stay();
@@ -231,6 +261,70 @@ void ToolReference::leapTo(const JointVector& q, const Pose& command) {
     if (error > kLeapFrom_m && q.allFinite() && findError(q, command).norm() < kLeap * error) reset(q);
 }
 
+void ToolReference::leapTo(const JointVector& q, const JointVector& goal) {
+    if (q.allFinite() && (goal - q).norm() < kLeap * (goal - q_).norm()) reset(q);
+}
+
+/** What is near q_, whose dynamics are known. */
+void ToolReference::findNear(const Surroundings* surroundings, double time_s, double apart_m) {
+    const JointVector fastest = limits_.velocity.upper.cwiseMax(-limits_.velocity.lower);
+    const double reach_m = tick_s_ * dynamics_.J.topRows<3>().colwise().norm().dot(fastest);
+    clear_->find(q_, surroundings, time_s, apart_m, std::isnan(reach_m) ? kFarthest_m : reach_m);
+}
+
+void ToolReference::advance(const JointVector& goal, const Surroundings* surroundings, double time_s,
+                            const JointBounds* around) {
+    normal_.setIdentity();
+    gradient_ = goal - q_;
+    if (clear_) {
+        recursion_->calcDynamics(q_, still_, dynamics_);
+        findNear(surroundings, time_s, 0.0);
+    }
+    findBox(around);
+    if (isAtRest(goal)) {
+        goOneByOne();
+        return;
+    }
+    applyStep();
+    q_ += step_;
+    if (clear_ && tremble_.find(q_, true) && isBarred_) rest(q_);
+}
+
+/** Each joint that can goes towards its goal; as none goes back, this ends at rest. */
+void ToolReference::goOneByOne() {
+    step_.setZero();
+    for (int i = 0; i < n_; ++i) {
+        const double way = std::clamp(goal_[i] - q_[i], std::min(0.0, lower_[i]), std::max(0.0, upper_[i]));
+        step_[i] = way;
+        if (way != 0.0 && !clear_->admits(step_, kEase_m)) step_[i] = 0.0;
+    }
+    if (!step_.isZero(0.0)) moveTo(q_ + step_);
+}
+
+void ToolReference::moveTo(const JointVector& q) {
+    q_ = q;
+    near_m_ = std::numeric_limits<double>::quiet_NaN();
+}
+
+/** Resting; until a command, or a distance from what is near, is another. */
+bool ToolReference::isAtRest(const JointVector& goal) {
+    if (!clear_) return false;
+    const bool isSame = goal_.size() == goal.size() && goal == goal_;
+    if (!isSame) tremble_.reset(q_);
+    double near_m = 0.0;
+    for (const ArmClearances::Item& item : *clear_->items) near_m += item.distance;
+    if (rests_ && std::isnan(near_m_)) near_m_ = near_m;
+    rests_ = rests_ && isSame && std::abs(near_m - near_m_) <= kOtherwise_m;
+    goal_ = goal;
+    return rests_;
+}
+
+void ToolReference::rest(const JointVector& q) {
+    reset(q);
+    rests_ = isHeldBack_ = true;
+    near_m_ = std::numeric_limits<double>::quiet_NaN();
+}
+
 void ToolReference::advance(const Pose& command, const Surroundings* surroundings, double time_s,
                             const JointBounds* around) {
     const Vector6 error = findError(q_, command);
@@ -248,14 +342,16 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
     gradient_ += (pull * options_.restRate * tick_s_) * (rest_ - q_);
     normal_.diagonal().array() += damping + pull;
     if (clear_) {
-        const JointVector fastest = limits_.velocity.upper.cwiseMax(-limits_.velocity.lower);
-        const double reach_m = tick_s_ * J.topRows<3>().colwise().norm().dot(fastest);
-        clear_->find(q_, surroundings, time_s, options_.apart_m, std::isnan(reach_m) ? kFarthest_m : reach_m);
+        findNear(surroundings, time_s, options_.apart_m);
         leadApart(std::min(kApartWeight + damping / std::max(size, 1e-9), kLargestApartWeight));
     }
+    lastGoal_.resize(7);
+    lastGoal_ << command.position, command.orientation.coeffs();
+    if (isAtRest(lastGoal_)) return;
     findBox(around);
     applyStep();
     q_ += step_;
+    if (clear_ && tremble_.find(q_)) rest(q_);
 }
 
 }  // namespace viable

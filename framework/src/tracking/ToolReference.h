@@ -22,6 +22,20 @@ struct ToolFreedom {
     std::string describe() const;
 };
 
+/** Tells a motion that leads nowhere: in so many ticks a tenth of its way or less is left between its ends. */
+class Tremble {
+public:
+    void configure(std::int64_t ticks) { ticks_ = ticks; }
+    void reset(const JointVector& q);
+    /** One tick. True at the end of such a time, also of one without a motion where `countsStill`. */
+    bool find(const JointVector& q, bool countsStill = false);
+
+private:
+    std::int64_t ticks_ = 1000, left_ = 0;
+    double way_ = 0.0;
+    JointVector from_, last_;
+};
+
 /** How a tool pose becomes a motion of the joints. */
 struct ToolReferenceOptions {
     double rotationLength_m = 0.2;  ///< so far counts a rotation of 1 rad as an error; 0: the orientation is free
@@ -61,6 +75,7 @@ public:
     /** Continues at `q` at once, if `q` is less than half as far from the command as q() is. The latter must be off
     by more than 1 mm. */
     void leapTo(const JointVector& q, const Pose& command);
+    void leapTo(const JointVector& q, const JointVector& goal);
     /** From now on. */
     void changeLimits(const JointLimits& limits, const JointVector& rest);
 
@@ -70,6 +85,12 @@ public:
         @param around        to stay within them [rad]; from outside it goes back at full speed. Null: no such bounds */
     void advance(const Pose& command, const Surroundings* surroundings = nullptr, double time_s = 0.0,
                  const JointBounds* around = nullptr);
+    /** The same towards joint positions, in terms of |goal - q()|; no joint is spare. */
+    void advance(const JointVector& goal, const Surroundings* surroundings, double time_s, const JointBounds* around);
+    /** Goes on from `q`. */
+    void moveTo(const JointVector& q);
+    /** Rests at `q` until the command or what is near changes. */
+    void rest(const JointVector& q);
     const JointVector& q() const { return q_; }  ///< [rad]
     /** True if in the last tick a joint had its largest velocity or reached the end of `around`, or something barred
     the way. The command then jumped, is too fast, or cannot be reached. */
@@ -79,19 +100,26 @@ private:
     struct Clear;
     /** From the tool at `q` to the command, weighted; fills dynamics_. */
     Vector6 findError(const JointVector& q, const Pose& command);
+    void findNear(const Surroundings* surroundings, double time_s, double apart_m);
     void leadApart(double weightNear);
     void findBox(const JointBounds* around);
     void applyStep();
+    void goOneByOne();
+    bool isAtRest(const JointVector& goal);
 
     int n_ = 0;
-    bool isHeldBack_ = false;
+    bool isHeldBack_ = false, isBarred_ = false;
     double tick_s_ = 0.0;
     JointLimits limits_;
     ToolReferenceOptions options_;
     std::shared_ptr<const ArmRecursion> recursion_;
     Dynamics dynamics_;
     std::unique_ptr<Clear> clear_;  ///< null: no geometry
-    double apartRate_ = 0.0;        ///< [1/s]
+    Tremble tremble_;
+    JointVector goal_, lastGoal_;  ///< commands, as numbers
+    double near_m_ = 0.0;          ///< of all that is near, where it rests
+    bool rests_ = false;
+    double apartRate_ = 0.0;  ///< [1/s]
     BoxQp qp_;
     JointVector q_, rest_, still_, target_, lower_, upper_, step_, gradient_;
     JointVector slowest_, fastest_;  ///< steps at which a joint is held back

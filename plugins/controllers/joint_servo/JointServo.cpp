@@ -9,6 +9,7 @@ namespace {
 struct JointServoOptions {
     bool feedforward = true;
     double share = 1.0;
+    bool keepsClear = true;
 
     template <class V>
     void describe(V& v) {
@@ -21,6 +22,9 @@ struct JointServoOptions {
           "own. 1 suits set-points that jump and rest.")
             .above(0)
             .upTo(1);
+        v(keepsClear, "keeps_clear",
+          "Where the filter holds the arm back, be led around obstacles and the arm itself, and rest before what bars "
+          "the way.");
     }
 };
 
@@ -33,7 +37,9 @@ void JointServo::configure(const RunSetup& setup, const Parameters& parameters) 
     const auto options = parameters.get<JointServoOptions>();
     feedforward_ = options.feedforward;
     requireJerkLimits(limits_, parameters.resolved().place(), "the controller joint_servo");
-    servo_.configure(limits_, tick_s_, options.share);
+    surroundings_ = setup.surroundings;
+    servo_.configure(setup.robot, limits_, tick_s_, setup.start, options.share,
+                     options.keepsClear ? setup.geometry : nullptr);
     reset(setup.start);
 }
 
@@ -69,7 +75,7 @@ TickStatus JointServo::compute(const ControllerInput& input, ControllerOutput& o
         target_.qd.setZero(n_);
     }
     target_.q = command.q;
-    servo_.calc(nominal, target_, jerk_);
+    servo_.calc(nominal, target_, surroundings_ ? surroundings_->view().surroundings : nullptr, tick.time_s, jerk_);
     askForJerk(input, jerk_, output);
     return TickStatus::Ok;
 }

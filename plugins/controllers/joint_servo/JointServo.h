@@ -1,11 +1,11 @@
 #pragma once
 
-#include "viable/braking/Servo.h"
+#include "tracking/JointFollower.h"
 #include "viable/plugin/NominalController.h"
 
 namespace viable {
 
-/** Leads each joint to its set-point as fast as the limits allow, without overshoot and without gains (Servo).
+/** Leads each joint to its set-point as fast as the limits allow, without overshoot and without gains (JointFollower).
 
 The torque is that of the present acceleration; the jerk that the servo chose is its derivative, which filters take as
 the desired jerk of (14), and certified ones pass unchanged.
@@ -22,7 +22,8 @@ private:
     double tick_s_ = 0.0;
     bool feedforward_ = true;
     JointLimits limits_;
-    Servo servo_;
+    const SurroundingsFeed* surroundings_ = nullptr;
+    JointFollower servo_;
     MotionState target_;
     bool hasTarget_ = false;
     JointVector lastRate_, jerk_;  ///< lastRate_: difference quotient of the commanded velocity

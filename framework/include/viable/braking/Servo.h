@@ -40,6 +40,8 @@ public:
                        target's own and keep the limits, it is followed without error.
         @param jerk    [rad/s^3] */
     void calc(const MotionState& state, const MotionState& target, JointVector& jerk);
+    /** In the last calc() a joint was not where the jerk before had led: somebody else, such as a filter, decided. */
+    bool isLed() const;
 
 private:
     struct Impl;

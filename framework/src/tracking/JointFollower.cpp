@@ -1,0 +1,49 @@
+#include "tracking/JointFollower.h"
+
+#include <cmath>
+
+#include "viable/braking/Braking.h"
+
+namespace viable {
+
+void JointFollower::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
+                              const MotionState& start, double share, const ArmGeometry* geometry) {
+    servo_.configure(limits, tick_s, share);
+    range_ = limits.position;
+    guide_.reset();
+    if (geometry) {
+        ToolFollowerOptions options;
+        options.share = share;
+        guide_.emplace().configure(robot, limits, tick_s, start, options, geometry);
+        const double longest_s = calcLongestStop(limits);
+        longest_ = std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s) : 1000;
+    }
+    reset(start);
+}
+
+void JointFollower::reset(const MotionState& start) {
+    servo_.reset(start);
+    ticksLeft_ = 0;
+}
+
+void JointFollower::skipTicks(std::int64_t ticks) {
+    servo_.skipTicks(ticks);
+    if (guide_) guide_->skipTicks(ticks);
+}
+
+void JointFollower::calc(const MotionState& state, const MotionState& target, const Surroundings* surroundings,
+                         double time_s, JointVector& jerk) {
+    if (ticksLeft_ == 0) {
+        servo_.calc(state, target, jerk);
+        if (!guide_ || !servo_.isLed()) return;
+        guide_->reset(state);
+        ticksLeft_ = longest_;
+    }
+    goal_ = target.q.cwiseMax(range_.lower).cwiseMin(range_.upper);
+    guide_->calc(state, goal_, surroundings, time_s, jerk);
+    const bool isFree = !guide_->isLed() && guide_->reference().q() == goal_;
+    ticksLeft_ = isFree ? ticksLeft_ - 1 : longest_;
+    if (ticksLeft_ == 0) servo_.reset(state);
+}
+
+}  // namespace viable
