@@ -83,10 +83,12 @@ std::string quoteCsv(std::string_view text) {
     return text.find_first_of(",\"\r\n") == std::string_view::npos ? std::string(text) : quoteDoubled(text);
 }
 
-std::string replaceAll(std::string text, const std::string& what, const std::string& by) {
-    for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size())
-        text.replace(at, what.size(), by);
-    return text;
+std::string replaceAll(const std::string& text, const std::string& what, const std::string& by) {
+    std::string replaced;
+    std::size_t from = 0;
+    for (std::size_t at; (at = text.find(what, from)) != std::string::npos; from = at + what.size())
+        replaced.append(text, from, at - from) += by;
+    return replaced.append(text, from);
 }
 
 std::string makeUnitSuffix(const std::string& unit) {

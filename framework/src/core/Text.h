@@ -54,7 +54,7 @@ std::string join(const std::vector<std::string>& items, const char* separator = 
 std::string wrap(const std::string& text, std::size_t indent = 0, std::size_t begin = 0);
 
 /** `by` in every place of `what` in `text`; what `by` holds is not replaced again. */
-std::string replaceAll(std::string text, const std::string& what, const std::string& by);
+std::string replaceAll(const std::string& text, const std::string& what, const std::string& by);
 
 /** A unit as names have it: "rad/s^2" is "radps2". */
 std::string makeUnitSuffix(const std::string& unit);
