@@ -6,15 +6,15 @@
 #include "core/Text.h"
 #include "experiment/CaseForecast.h"
 #include "records/WorkShare.h"
+#include "summary/Sliding.h"
 
 namespace viable {
 
 namespace {
 
 struct BoundArguments {
-    std::string file;
+    std::string file, caseName;
     std::vector<std::string> overrides;
-    std::string caseName;
     bool json = false;
 };
 
@@ -33,14 +33,11 @@ void print(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
     const TrackingBound& bound = *configured.bound;
     const int n = plan.robot.size();
-    int sliding = 0;
-    for (int i = 0; i < n; ++i) sliding += plan.robot.slides(i);
-    const bool isMixed = sliding > 0 && sliding < n;
-    const auto choose = [&](const char* turns, const char* mixed, const char* slides) {
-        return isMixed ? mixed : sliding > 0 ? slides : turns;
-    };
-    const std::string position = choose("mrad", "mrad; mm", "mm"), velocity = choose("rad/s", "rad/s; m/s", "m/s"),
-                      torque = choose("torque", "torque or force", "force"), Nm = choose("Nm", "Nm; N", "N");
+    const Sliding sliding = findSliding(plan.robot);
+    const std::string position = choose(sliding, "mrad", "mrad; mm", "mm"),
+                      velocity = choose(sliding, "rad/s", "rad/s; m/s", "m/s"),
+                      torque = choose(sliding, "torque", "torque or force", "force"),
+                      Nm = choose(sliding, "Nm", "Nm; N", "N");
     std::printf("%s: how far the real arm can be from the nominal one, within the disturbance_set\n",
                 plan.name.c_str());
     int width = kLeastNumberWidth;  // of a column
@@ -49,23 +46,18 @@ void print(const ConfiguredCase& configured) {
     std::printf("  %-*s", kNameWidth, "");
     for (const JointDescription& joint : plan.robot.joints) std::printf("%*s", width, joint.name.c_str());
     std::printf("\n");
-    if (isMixed) {
+    if (sliding == Sliding::Some) {
         std::printf("  %-*s", kNameWidth, "in");
         for (int i = 0; i < n; ++i) std::printf("%*s", width, plan.robot.slides(i) ? "mm, N" : "mrad, Nm");
         std::printf("\n");
     }
     printRow("position [" + position + "]", bound.position, width, 1e3);
     printRow("velocity [" + velocity + "]", bound.velocity, width);
-    JointVector ofPosition(n), ofVelocity(n);
-    for (int i = 0; i < n; ++i) {
-        const auto share = [&](const JointBounds& limits, double size) {
-            return 2.0 * size / (limits.upper[i] - limits.lower[i]);
-        };
-        ofPosition[i] = share(plan.limits.position, bound.position[i]);
-        ofVelocity[i] = share(plan.limits.velocity, bound.velocity[i]);
-    }
-    printRow("share of the position range [%]", ofPosition, width, 1e2);
-    printRow("share of the velocity range [%]", ofVelocity, width, 1e2);
+    const auto share = [](const JointBounds& limits, const JointVector& size) -> JointVector {
+        return (2.0 * size).cwiseQuotient(limits.upper - limits.lower);
+    };
+    printRow("share of the position range [%]", share(plan.limits.position, bound.position), width, 1e2);
+    printRow("share of the velocity range [%]", share(plan.limits.velocity, bound.velocity), width, 1e2);
     std::printf("where the position bound comes from, largest first [%s]\n", position.c_str());
     std::vector<TrackingBound::Part> parts = bound.parts;
     std::stable_sort(parts.begin(), parts.end(),
@@ -92,8 +84,7 @@ void print(const ConfiguredCase& configured) {
     if (!tight.empty())
         std::printf(
             "The bound is for motors that are never at their limit. For moments the worst of all disturbances asks "
-            "more "
-            "of them (%s): runs count the ticks in which that happened.\n",
+            "more of them (%s): runs count the ticks in which that happened.\n",
             tight.c_str());
     std::printf("\n");
 }

@@ -45,7 +45,7 @@ void printColumns(const ColumnTable& table, bool isJson) {
 
 }  // namespace
 
-void addColumnsCommand(CLI::App& app, int& exitCode) {
+void addColumnsCommand(CLI::App& app, int&) {
     auto arguments = std::make_shared<ColumnsArguments>();
     CLI::App* command = app.add_subcommand("columns", "What is in a log: its columns with unit, shape and meaning");
     command->add_option("LOG", arguments->file, "Log of a case (.mcap), joint states (.mcap) or CSV")->required();
@@ -53,10 +53,8 @@ void addColumnsCommand(CLI::App& app, int& exitCode) {
                         "NAME:UNIT,...: columns of the CSV to use, with their units");
     command->add_option("--topic", arguments->options.topic, "Topic of the joint states, where the file has several");
     command->add_flag("--json", arguments->isJson, "For programs");
-    command->callback([arguments, &exitCode] {
-        printColumns(describeColumns(arguments->file, arguments->options), arguments->isJson);
-        exitCode = 0;
-    });
+    command->callback(
+        [arguments] { printColumns(describeColumns(arguments->file, arguments->options), arguments->isJson); });
 }
 
 }  // namespace viable

@@ -10,7 +10,7 @@ class App;
 namespace viable {
 
 /** Each adds one subcommand to the program; its callback does the work, may throw Error, and leaves
-the exit code in `exitCode`. One file per subcommand. */
+the exit code in `exitCode`, which is 0 before. One file per subcommand. */
 void addRunCommand(CLI::App& app, int& exitCode);
 void addLiveCommand(CLI::App& app, int& exitCode);
 void addSweepCommand(CLI::App& app, int& exitCode);
@@ -34,9 +34,9 @@ void addDoctorCommand(CLI::App& app, int& exitCode);
 and beside the experiment's folder, the experiment's own folder where that is a robot's, then the installed ones. @param experiment  may be empty */
 std::vector<std::filesystem::path> makeRobotSearchPath(const std::filesystem::path& experiment);
 
-/** The page of a run's report, that of a sweep's and that of a live arm, installed beside the program. */
-std::filesystem::path findReportPage();
-std::filesystem::path findSweepPage();
-std::filesystem::path findLivePage();
+/** What is installed beside the program, in share/viable: a folder, or the page of a report or of a live arm. */
+std::filesystem::path findShared(const char* name);
+inline constexpr char kReportPage[] = "report_template.html", kSweepPage[] = "sweep_template.html",
+                      kLivePage[] = "live.html";
 
 }  // namespace viable

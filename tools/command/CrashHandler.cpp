@@ -126,14 +126,13 @@ const PluginWatch* findCulprit(std::int64_t& tick) {
     const bool whole = Recorder::rescueAll(kRescue_s);
     if (*runFolder) unlink(runClaim);
     if (*runFolder && rmdir(runFolder) == 0) *runFolder = '\0';  // nothing was written yet
-    if (*runFolder && whole && pluginsRun == PluginsRun::NoMore) {
+    if (*runFolder && whole && pluginsRun == PluginsRun::NoMore)
         say("The logs in ", runFolder, " are complete. `viable report ", runFolder, "` shows them. ");
-    } else if (*runFolder && whole) {
+    else if (*runFolder && whole)
         say("The logs in ", runFolder, " end there and are complete; there is no summary. `viable report ", runFolder,
             "` shows them. ");
-    } else if (*runFolder) {
+    else if (*runFolder)
         say("Not every log in ", runFolder, " could be finished; `viable recover LOG` saves them. ");
-    }
     if (pluginsRun == PluginsRun::Here)
         say("With `viable run --isolate` such a plugin runs in a process of its own: the arm is braked, and the run "
             "gives its account. ");
@@ -345,8 +344,7 @@ void HangWatch::look() {
         if (waited < kHang || seen_[i].told) continue;
         seen_[i].told = true;
         sayWho(*watch, " has not come back", tick);
-        say(" for 10 s. Ctrl-C ends the program; `viable run --isolate` ends such a plugin by "
-            "itself and brakes the "
+        say(" for 10 s. Ctrl-C ends the program; `viable run --isolate` ends such a plugin by itself and brakes the "
             "arm.\n");
     }
 }

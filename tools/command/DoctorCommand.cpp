@@ -25,8 +25,7 @@ constexpr double kShortestMeasure_s = 0.1, kLongestMeasure_s = 86400.0;
 constexpr double kShortestTick_s = 50e-6, kLongestTick_s = 0.1;
 
 struct DoctorArguments {
-    double measure_s = 5.0;
-    double tick_s = 0.001;
+    double measure_s = 5.0, tick_s = 0.001;
     int cpu = -1, priority = 80;
     bool isJson = false;
 };
@@ -204,10 +203,10 @@ int runDoctor(const DoctorArguments& arguments) {
 
 void addDoctorCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<DoctorArguments>();
-    CLI::App* command = app.add_subcommand(
-        "doctor",
-        "Can this machine run a loop in real time? A remedy for what it lacks, and a measurement. Exit code 0: told, "
-        "whatever it found; 7: the measurement could not be made");
+    CLI::App* command =
+        app.add_subcommand("doctor",
+                           "Can this machine run a loop in real time? A remedy for what it lacks, and a measurement. "
+                           "Exit code 0: told, whatever it found; 7: the measurement could not be made");
     command->add_option("--measure", arguments->measure_s, "For how long [s], both halves together; 0: not at all")
         ->capture_default_str();
     command->add_option("--tick", arguments->tick_s, "Tick of the measured loop [s]")->capture_default_str();

@@ -23,16 +23,30 @@ Experiment readDrawnExperiment(const std::string& file, const std::vector<std::s
 
 void refuseLog(const std::string& file) {
     if (std::filesystem::path(file).extension() != ".mcap") return;
-    throw badInput(file, "this is a log, and an experiment file is asked for",
-                   "To decide its ticks again: viable run " + file +
-                       " --again; to look at it: viable report FOLDER; its " +
-                       "own experiment file is in it as experiment.yaml.");
+    throw badInput(
+        file, "this is a log, and an experiment file is asked for",
+        "To decide its ticks again: viable run " + file +
+            " --again; to look at it: viable report FOLDER; its own experiment file is in it as experiment.yaml.");
+}
+
+static std::vector<std::string> listNames(const Experiment& experiment) {
+    std::vector<std::string> names;
+    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+    return names;
+}
+
+void selectOneCase(Experiment& experiment, const std::string& wanted, const char* deed) {
+    if (!wanted.empty()) return selectCases(experiment, {wanted});
+    const std::vector<std::string> names = listNames(experiment);
+    if (names.size() > 1)
+        throw badInput(experiment.file.string(),
+                       "it has " + std::to_string(names.size()) + " cases, and one arm is " + deed,
+                       "Name it with --case: " + detail::join(names) + ".");
 }
 
 void selectCases(Experiment& experiment, const std::vector<std::string>& wanted) {
     if (wanted.empty()) return;
-    std::vector<std::string> names;
-    for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
+    const std::vector<std::string> names = listNames(experiment);
     detail::ErrorList errors;
     for (const std::string& name : wanted) {
         if (std::find(names.begin(), names.end(), name) != names.end()) continue;

@@ -14,5 +14,7 @@ void refuseLog(const std::string& file);
 
 /** Keeps the cases called `wanted`, all where it is empty. Throws Error (BadInput) for one that is not there. */
 void selectCases(Experiment& experiment, const std::vector<std::string>& wanted);
+/** Keeps the case called `wanted`; where that is empty, there must be one only. @param deed  "driven": done to its arm */
+void selectOneCase(Experiment& experiment, const std::string& wanted, const char* deed);
 
 }  // namespace viable

@@ -3,6 +3,7 @@
 #include "Commands.h"
 #include "core/Text.h"
 #include "loop/Authority.h"
+#include "summary/Sliding.h"
 #include "tracking/InertiaSample.h"
 #include "viable/robot/RobotModel.h"
 #include "viable/tracking/LoopStability.h"
@@ -36,27 +37,22 @@ void run(const GainsArguments& arguments) {
         arguments.delayTicks > 0 ? detail::format(" and a delay of %d ticks", arguments.delayTicks).c_str() : "");
     int width = 5;
     for (const JointDescription& joint : robot.joints) width = std::max(width, static_cast<int>(joint.name.size()));
-    int sliding = 0;
-    for (int i = 0; i < robot.size(); ++i) sliding += robot.slides(i);
-    const bool isMixed = sliding > 0 && sliding < robot.size();
-    const auto choose = [&](const char* turns, const char* mixed, const char* slides) {
-        return isMixed ? mixed : sliding > 0 ? slides : turns;
-    };
-    std::printf("%-*s  %17s %8s %8s   %-19s  %-17s%s\n", width, "joint", choose("K_r [Nms/rad]", "K_r", "K_r [Ns/m]"),
-                "k_p", "k_i", choose("inertia [kg m^2]", "inertia", "mass [kg]"), "unstable from k_r",
+    const Sliding sliding = findSliding(robot);
+    const bool isMixed = sliding == Sliding::Some;
+    std::printf("%-*s  %17s %8s %8s   %-19s  %-17s%s\n", width, "joint",
+                choose(sliding, "K_r [Nms/rad]", "K_r", "K_r [Ns/m]"), "k_p", "k_i",
+                choose(sliding, "inertia [kg m^2]", "inertia", "mass [kg]"), "unstable from k_r",
                 isMixed ? "  in" : "");
     for (int i = 0; i < robot.size(); ++i) {
         const auto calcGain = [&](double inertia) {
             return 1.0 / (1.0 / loop.kr[i] + 1.0 / (loop.inertiaRate * inertia));
         };
+        const char* const units = !isMixed ? "" : robot.slides(i) ? "  Ns/m, kg" : "  Nms/rad, kg m^2";
         std::printf("%-*s  %17s %8.4g %8.4g   %-19s  %-17.4g%s\n", width,
                     robot.joints[static_cast<std::size_t>(i)].name.c_str(),
                     detail::format("%.3g to %.3g", calcGain(range.least[i]), calcGain(range.greatest[i])).c_str(),
                     loop.kp[i], loop.ki[i], detail::format("%.3g to %.3g", range.least[i], range.greatest[i]).c_str(),
-                    largest[i],
-                    !isMixed          ? ""
-                    : robot.slides(i) ? "  Ns/m, kg"
-                                      : "  Nms/rad, kg m^2");
+                    largest[i], units);
     }
     std::printf(
         "K_r follows the inertia of the pose: (1/600 + (%.4g/s M(q))^-1)^-1. Margins: %s (at least 6 dB and 35 "
@@ -92,17 +88,14 @@ void run(const GainsArguments& arguments) {
 
 }  // namespace
 
-void addGainsCommand(CLI::App& app, int& exitCode) {
+void addGainsCommand(CLI::App& app, int&) {
     auto arguments = std::make_shared<GainsArguments>();
     CLI::App* command = app.add_subcommand("gains", "Gains of the robust loop that a robot carries, and why");
     command->add_option("ROBOT", arguments->robot, "Name or folder of a robot")->required();
     command->add_option("--tick", arguments->tick_s, "Length of a tick [s] (default: 0.001)");
     command->add_option("--delay", arguments->delayTicks, "Ticks from a torque to the motors (default: 0)")
         ->check(CLI::Range(0, 20));
-    command->callback([arguments, &exitCode] {
-        run(*arguments);
-        exitCode = 0;
-    });
+    command->callback([arguments] { run(*arguments); });
 }
 
 }  // namespace viable

@@ -61,9 +61,9 @@ public:
              bool movesJoints)
         : hand_(session.hand()), placed_(session.placed()) {
         options.certificate = readOrMakeCertificate(findKeyFolder(), listHosts(options.address));
-        options.page = readWhole(findLivePage()).value_or("");
+        options.page = readWhole(findShared(kLivePage)).value_or("");
         if (options.page.empty())
-            throw badInput(findLivePage().string(), "the page of live arms is missing",
+            throw badInput(findShared(kLivePage).string(), "the page of live arms is missing",
                            "Run tools/setup.sh again, or install viable again.");
         if (hand_ && movesJoints) options.joints = plan.robot.size();
         if (placed_) options.place = [this](const std::string& message) { return placed_->request(message); };
@@ -71,18 +71,10 @@ public:
         isOpenToOthers_ = options.address != "127.0.0.1" && options.address != "::1";
         fingerprint_ = options.certificate.fingerprint;
         server_ = std::make_unique<PageServer>(std::move(options), hand_, [&session](PageWish wish) {
-            switch (wish) {
-                case PageWish::Start:
-                    return session.resume(LiveAsker::Page);
-                case PageWish::Pause:
-                    return session.pause(LiveAsker::Page);
-                case PageWish::Stop:
-                    return session.stop(LiveAsker::Page);
-                case PageWish::Record:
-                    return session.record(true);
-                case PageWish::EndRecord:
-                    return session.record(false);
-            }
+            if (wish == PageWish::Start) session.resume(LiveAsker::Page);
+            if (wish == PageWish::Pause) session.pause(LiveAsker::Page);
+            if (wish == PageWish::Stop) session.stop(LiveAsker::Page);
+            if (wish == PageWish::Record || wish == PageWish::EndRecord) session.record(wish == PageWish::Record);
         });
         server_->broadcast("live", describeLive(plan, title, hand_ != nullptr, movesJoints, placed_ != nullptr,
                                                 session.layout().hasContact));
@@ -123,10 +115,7 @@ public:
         if (status.record.nominal.q.size() == 0) return;  // no tick yet
         if (isNew) server_->stream(status.record);
         if (placed_ && placed_->look(status.time_s)) server_->broadcast("placed", placed_->describe());
-        if (hand_)
-            server_->show(encodeFrame(hand_->now(), status, &hand_->status()));
-        else
-            server_->show(encodeFrame(0.0, status, nullptr));
+        server_->show(encodeFrame(hand_ ? hand_->now() : 0.0, status, hand_ ? &hand_->status() : nullptr));
     }
 
 private:
@@ -152,8 +141,6 @@ public:
     }
     /** How the arm is now. By one thread. */
     void show(const LiveStatus& status) { latest_.write(status); }
-    Display(const Display&) = delete;
-    Display& operator=(const Display&) = delete;
 
 private:
     void work() {
@@ -254,14 +241,7 @@ void attend(LiveSession& session, LivePage* page, const std::vector<std::string>
 Experiment readOneCase(const LiveArguments& arguments, const std::vector<std::string>& overrides,
                        const PluginLoader& loader) {
     Experiment experiment = readDrawnExperiment(arguments.file, overrides, "", loader);
-    if (!arguments.caseName.empty()) {
-        selectCases(experiment, {arguments.caseName});
-    } else if (experiment.cases.size() > 1) {
-        std::vector<std::string> names;
-        for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
-        throw badInput(arguments.file, "it has " + std::to_string(names.size()) + " cases, and one arm is driven",
-                       "Name it with --case: " + detail::join(names) + ".");
-    }
+    selectOneCase(experiment, arguments.caseName, "driven");
     return experiment;
 }
 
@@ -290,13 +270,12 @@ Experiment readLiveExperiment(const LiveArguments& arguments, const PluginLoader
 void refusePython(const CasePlan& plan) {
     for (const PluginChoice* choice : plan.plugins())
         if (isPython(choice->plugin))
-            throw badInput(
-                choice->parameters.resolved().find("plugin")->place(),
-                "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and with "
-                "another busy Python thread 8 ms in the mean and 330 ms at worst",
-                "Run the case with `viable run`; for live, write it in C++ (viable new " +
-                    std::string(getName(choice->plugin.kind)) +
-                    " NAME), or send targets from Python to the command plugin stream.");
+            throw badInput(choice->parameters.resolved().find("plugin")->place(),
+                           "a class in Python cannot drive an arm in real time: a call takes 20 us in the mean, and "
+                           "with another busy Python thread 8 ms in the mean and 330 ms at worst",
+                           "Run the case with `viable run`; for live, write it in C++ (viable new " +
+                               std::string(getName(choice->plugin.kind)) +
+                               " NAME), or send targets from Python to the command plugin stream.");
 }
 
 /** Before anything has moved. */

@@ -1,5 +1,4 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cctype>
 #include <cstdlib>
 #include <memory>
@@ -79,7 +78,7 @@ std::string describeExtras(const std::vector<std::string>& words, const CLI::App
     }
     if (!text.empty()) return text;
     std::string extra;
-    for (const std::string& word : words) viable::detail::addItem(extra, "`" + viable::makePrintable(word) + "`", ", ");
+    for (const std::string& word : words) viable::detail::addItem(extra, "`" + viable::makePrintable(word) + "`");
     return extra + (words.size() == 1 ? " is" : " are") + " more than it takes";
 }
 
@@ -118,24 +117,13 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
     app.failure_message(explain);
     int exitCode = 0;
-    viable::addRunCommand(app, exitCode);
-    viable::addLiveCommand(app, exitCode);
-    viable::addSweepCommand(app, exitCode);
-    viable::addCheckCommand(app, exitCode);
-    viable::addBoundCommand(app, exitCode);
-    viable::addPluginsCommand(app, exitCode);
-    viable::addSchemaCommand(app, exitCode);
-    viable::addRobotsCommand(app, exitCode);
-    viable::addGainsCommand(app, exitCode);
-    viable::addExportCommand(app, exitCode);
-    viable::addColumnsCommand(app, exitCode);
-    viable::addRecoverCommand(app, exitCode);
-    viable::addReportCommand(app, exitCode);
-    viable::addVerifyCommand(app, exitCode);
-    viable::addIdentifyCommand(app, exitCode);
-    viable::addNewCommand(app, exitCode);
-    viable::addRobotCommand(app, exitCode);
-    viable::addDoctorCommand(app, exitCode);
+    for (const auto add :
+         {viable::addRunCommand, viable::addLiveCommand, viable::addSweepCommand, viable::addCheckCommand,
+          viable::addBoundCommand, viable::addPluginsCommand, viable::addSchemaCommand, viable::addRobotsCommand,
+          viable::addGainsCommand, viable::addExportCommand, viable::addColumnsCommand, viable::addRecoverCommand,
+          viable::addReportCommand, viable::addVerifyCommand, viable::addIdentifyCommand, viable::addNewCommand,
+          viable::addRobotCommand, viable::addDoctorCommand})
+        add(app, exitCode);
     if (argc > 1 && argv[1][0] != '-') {
         std::vector<std::string> names;
         for (const CLI::App* command : app.get_subcommands({})) names.push_back(command->get_name());

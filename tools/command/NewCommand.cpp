@@ -1,11 +1,9 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
 
 #include "Commands.h"
 #include "NewRobot.h"
 #include "Scaffold.h"
 #include "host/PluginLoader.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -14,8 +12,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kUsage =
-    "Write `viable new KIND NAME`; KIND is filter, controller, robust_loop, command, plant or "
-    "robot.";
+    "Write `viable new KIND NAME`; KIND is filter, controller, robust_loop, command, plant or robot.";
 
 struct NewArguments : NewRobotArguments {  // a plugin has a name and a folder, too
     std::string kind;
@@ -33,17 +30,13 @@ void printPluginSteps(const fs::path& target) {
     if (isInstalled) {
         if (prefix != "/usr" && prefix != "/usr/local") option = " -DCMAKE_PREFIX_PATH=" + showPath(prefix);
     } else if (fs::exists(prefix / "CMakeCache.txt", failed)) {
-        std::printf(
-            "  cmake --install %s --prefix ~/viable   # a project of its own needs viable "
-            "installed\n",
-            showPath(prefix).c_str());
+        std::printf("  cmake --install %s --prefix ~/viable   # a project of its own needs viable installed\n",
+                    showPath(prefix).c_str());
         program = "~/viable/bin/viable";
         option = " -DCMAKE_PREFIX_PATH=$HOME/viable";  // a shell leaves ~ alone there
     } else {
-        std::printf(
-            "  # viable's CMake package is not below %s: install its development files "
-            "first\n",
-            prefix.c_str());
+        std::printf("  # viable's CMake package is not below %s: install its development files first\n",
+                    prefix.c_str());
     }
     std::printf(
         "  cd %s\n"
@@ -106,7 +99,7 @@ void writeNewFolder(const NewArguments& arguments) {
 
 }  // namespace
 
-void addNewCommand(CLI::App& app, int& exitCode) {
+void addNewCommand(CLI::App& app, int&) {
     auto arguments = std::make_shared<NewArguments>();
     CLI::App* command =
         app.add_subcommand("new", "Write a plugin's project or a robot's folder, to begin one of your own");
@@ -129,12 +122,8 @@ void addNewCommand(CLI::App& app, int& exitCode) {
                       "Robots: assume what a URDF does not hold or holds wrongly, and say so, for a first run at once. "
                       "Only for files that you trust: xacro, which expands them, evaluates their expressions");
     command->add_option("--out", arguments->out,
-                        "Folder for the new folder; created where it is missing "
-                        "(default: the current one)");
-    command->callback([arguments, &exitCode] {
-        writeNewFolder(*arguments);
-        exitCode = 0;
-    });
+                        "Folder for the new folder; created where it is missing (default: the current one)");
+    command->callback([arguments] { writeNewFolder(*arguments); });
 }
 
 }  // namespace viable

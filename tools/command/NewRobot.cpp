@@ -11,8 +11,6 @@
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "draft/RobotDraft.h"
-#include "viable/config/ConfigNode.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -162,8 +160,8 @@ std::string makeRunLimits(const std::vector<DraftJoint>& joints) {
     if (std::none_of(joints.begin(), joints.end(), isEndless)) return {};
     const auto lower = [&](const DraftJoint& j) { return isEndless(j) ? j.home - M_PI : j.positionLower; };
     const auto upper = [&](const DraftJoint& j) { return isEndless(j) ? j.home + M_PI : j.positionUpper; };
-    return "# random_steps takes its positions from the range of each joint; those "
-           "without limits get one here.\nlimits:\n  position_rad:\n    lower: " +
+    return "# random_steps takes its positions from the range of each joint; those without limits get one "
+           "here.\nlimits:\n  position_rad:\n    lower: " +
            formatList(joints, lower) + "\n    upper: " + formatList(joints, upper) + "\n";
 }
 
@@ -268,14 +266,11 @@ std::string listBlanks(const std::string& file, const std::string& text) {
 }
 
 void printBlankFiles(const fs::path& target, const FolderFiles& files) {
-    bool isFirst = true;
-    for (const char* name : {"limits.yaml", "actuation.yaml", "collision.yaml"}) {
-        const std::string blanks = listBlanks((target / name).string(), files.at(name));
-        if (blanks.empty()) continue;
-        if (isFirst) std::printf("To be filled in (the comments in the files say how to find each):\n");
-        isFirst = false;
-        std::printf("%s", blanks.c_str());
-    }
+    std::string blanks;
+    for (const char* name : {"limits.yaml", "actuation.yaml", "collision.yaml"})
+        blanks += listBlanks((target / name).string(), files.at(name));
+    if (!blanks.empty())
+        std::printf("To be filled in (the comments in the files say how to find each):\n%s", blanks.c_str());
 }
 
 void printAssumptions(const RobotDraft& draft) {

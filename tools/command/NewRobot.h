@@ -7,8 +7,7 @@ namespace viable {
 
 /** What `viable new robot` was asked for. */
 struct NewRobotArguments {
-    std::string name, urdf, out;
-    std::string base, tip;
+    std::string name, urdf, out, base, tip;
     std::vector<std::string> fixed, at;
     bool assumes = false;
 };

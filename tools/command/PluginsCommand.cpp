@@ -9,8 +9,7 @@ namespace {
 
 struct PluginsOptions {
     std::string name;  ///< empty: all
-    bool json = false;
-    bool markdown = false;
+    bool json = false, markdown = false;
 };
 
 void listPlugins(const PluginLoader& loader, const std::vector<PluginInfo>& plugins,
@@ -81,7 +80,7 @@ void runPlugins(const PluginsOptions& options) {
 
 }  // namespace
 
-void addPluginsCommand(CLI::App& app, int& exitCode) {
+void addPluginsCommand(CLI::App& app, int&) {
     auto options = std::make_shared<PluginsOptions>();
     CLI::App* command = app.add_subcommand("plugins", "List the plugins, or describe one");
     CLI::Option* name = command->add_option("--describe", options->name, "Name of a plugin: print its parameters");
@@ -90,10 +89,7 @@ void addPluginsCommand(CLI::App& app, int& exitCode) {
     command->add_flag("--markdown", options->markdown, "Print the parameters as a table in Markdown")
         ->needs(name)
         ->excludes(json);
-    command->callback([options, &exitCode] {
-        runPlugins(*options);
-        exitCode = 0;
-    });
+    command->callback([options] { runPlugins(*options); });
 }
 
 }  // namespace viable

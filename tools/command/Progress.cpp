@@ -53,8 +53,7 @@ void Progress::draw(bool last) {
     if (json_) {
         if (!last && now - lastDrawn_ < kJsonInterval) return;
         lastDrawn_ = now;
-        drawJson();
-        return;
+        return drawJson();
     }
     const double elapsed = std::chrono::duration<double>(now - begin_).count();
     const auto tellLeft = [&](double share) {

@@ -8,21 +8,15 @@
 
 namespace viable {
 
-namespace {
-
-struct RecoverArguments {
-    std::string log, out;
-};
-
-}  // namespace
-
-void addRecoverCommand(CLI::App& app, int& exitCode) {
-    auto arguments = std::make_shared<RecoverArguments>();
+void addRecoverCommand(CLI::App& app, int&) {
+    struct Arguments {
+        std::string log, out;
+    };
+    auto arguments = std::make_shared<Arguments>();
     CLI::App* command = app.add_subcommand("recover", "Complete a log that was cut off (the run was killed)");
     command->add_option("LOG", arguments->log, "Log of a case (.mcap)")->required();
     command->add_option("--out", arguments->out, "New log (default: LOG with .recovered.mcap)");
-    command->callback([arguments, &exitCode] {
-        exitCode = 0;
+    command->callback([arguments] {
         std::signal(SIGXFSZ, SIG_IGN);  // a file size limit is a write error, not a death
         LogReader reader(arguments->log);
         const bool isWhole = reader.isComplete();

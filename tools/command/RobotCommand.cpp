@@ -31,13 +31,7 @@ int serveRobot(const RobotArguments& arguments) {
     }
     const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
     Experiment experiment = readDrawnExperiment(arguments.file, arguments.overrides, "", loader);
-    if (arguments.caseName.empty() && experiment.cases.size() > 1) {
-        std::vector<std::string> names;
-        for (const CasePlan& plan : experiment.cases) names.push_back(plan.name);
-        throw badInput(arguments.file, "it has " + std::to_string(names.size()) + " cases, and one arm is served",
-                       "Name it with --case: " + detail::join(names) + ".");
-    }
-    if (!arguments.caseName.empty()) selectCases(experiment, {arguments.caseName});
+    selectOneCase(experiment, arguments.caseName, "served");
     std::signal(SIGPIPE, SIG_IGN);
     const CasePlan& plan = experiment.cases.front();
     RobotServer server(configureTracking(plan), options);
@@ -77,10 +71,9 @@ void addRobotCommand(CLI::App& app, int& exitCode) {
     command->add_option("--clock", options.clock, "Its seconds per second (default: 1); 1.01 is 1 % fast")
         ->check(CLI::Range(0.001, 10.0));
     command
-        ->add_option(
-            "--torque-rate", options.torqueRate,
-            "No torque changes faster, whatever comes, in Nm/s (default: as of the case's motors, else from zero to "
-            "their limit in 25 ms)")
+        ->add_option("--torque-rate", options.torqueRate,
+                     "No torque changes faster, whatever comes, in Nm/s (default: as of the case's motors, else from "
+                     "zero to their limit in 25 ms)")
         ->check(CLI::Range(1e-3, 1e12));
     command->add_option("--brake-after", options.brakeAfter, "Close the brakes after so many ticks without commands")
         ->check(CLI::Range(1, 1000000));

@@ -184,13 +184,10 @@ void RobotServer::move(vl_mode mode, const double* torque) {
     } else {
         const bool wasHolding = isHolding_;
         write(calcHold(), true);
-        if (isHolding_ && !wasHolding) {
-            char text[96];
-            std::snprintf(text, sizeof text, "it has come to rest in %.3f s, %.4f rad on",
-                          static_cast<double>(robot_.tick - holdTick_) * tick_s_,
-                          (plant_.measured().q - holdBegin_).lpNorm<Eigen::Infinity>());
-            tell(text);
-        }
+        if (isHolding_ && !wasHolding)
+            tell(detail::format("it has come to rest in %.3f s, %.4f rad on",
+                                static_cast<double>(robot_.tick - holdTick_) * tick_s_,
+                                (plant_.measured().q - holdBegin_).lpNorm<Eigen::Infinity>()));
     }
 }
 
@@ -318,13 +315,12 @@ std::string RobotServer::describe() const {
     for (int i = VL_GOOD; i < VL_RESULTS; ++i)
         if (robot_.counts[i] > 0)
             detail::addItem(packets, std::to_string(robot_.counts[i]) + " " + vl_result_name(vl_result(i)));
-    char step[128];
-    std::snprintf(step, sizeof step, "%.4g Nm in a tick (%s)", largestStep_,
-                  configured_->plan.robot.joints[static_cast<std::size_t>(largestStepJoint_)].name.c_str());
+    const JointDescription& joint = configured_->plan.robot.joints[static_cast<std::size_t>(largestStepJoint_)];
     return "ticks     " + std::to_string(robot_.tick) + ", late " + std::to_string(lateTicks_) + "\nhosts     " +
            std::to_string(hosts_) + "\ncommands  " + (packets.empty() ? "none" : packets) + "\nrepeated  " +
            std::to_string(robot_.repeated) + " ticks; held itself for want of commands " +
-           std::to_string(robot_.lapses) + " times\ntorque    largest step " + step + "\n";
+           std::to_string(robot_.lapses) + " times\ntorque    largest step " +
+           detail::format("%.4g Nm in a tick (%s)\n", largestStep_, joint.name.c_str());
 }
 
 }  // namespace viable

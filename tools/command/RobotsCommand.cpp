@@ -1,9 +1,9 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <memory>
 
 #include "Commands.h"
 #include "core/Text.h"
+#include "summary/Sliding.h"
 #include "viable/robot/RobotDescription.h"
 
 namespace viable {
@@ -15,11 +15,11 @@ void describe(const RobotDescription& robot) {
                 robot.folder.c_str());
     int width = 15;
     for (const JointDescription& joint : robot.joints) width = std::max(width, static_cast<int>(joint.name.size()));
-    int sliding = 0;
-    for (int i = 0; i < robot.size(); ++i) sliding += robot.slides(i);
-    const bool isMixed = sliding > 0 && sliding < robot.size();
+    const Sliding sliding = findSliding(robot);
+    const bool isMixed = sliding == Sliding::Some;
     const auto head = [&](const char* quantity, LimitKind kind) {
-        return std::string(quantity) + (isMixed ? "" : std::string(" [") + getUnit(kind, sliding > 0) + "]");
+        return std::string(quantity) +
+               (isMixed ? "" : std::string(" [") + getUnit(kind, sliding == Sliding::All) + "]");
     };
     std::printf("%-*s %-22s %-20s %-20s %-20s %-9s %-10s%s\n", width, "joint",
                 head("position", LimitKind::Position).c_str(), head("velocity", LimitKind::Velocity).c_str(),
@@ -40,17 +40,13 @@ void describe(const RobotDescription& robot) {
 
 }  // namespace
 
-void addRobotsCommand(CLI::App& app, int& exitCode) {
+void addRobotsCommand(CLI::App& app, int&) {
     auto name = std::make_shared<std::string>();
     CLI::App* command = app.add_subcommand("robots", "List the robots, or describe one");
     command->add_option("--describe", *name, "Name or folder of a robot: print its limits");
-    command->callback([name, &exitCode] {
+    command->callback([name] {
         const auto path = makeRobotSearchPath({});
-        exitCode = 0;
-        if (!name->empty()) {
-            describe(loadRobot(findRobot(*name, path, "--describe")));
-            return;
-        }
+        if (!name->empty()) return describe(loadRobot(findRobot(*name, path, "--describe")));
         const auto folders = listRobots(path);
         for (const auto& folder : folders) {
             try {

@@ -11,7 +11,6 @@
 #include "core/Text.h"
 #include "experiment/CaseRun.h"
 #include "live/Replay.h"
-#include "viable/core/Error.h"
 
 namespace viable {
 
@@ -20,16 +19,10 @@ namespace {
 namespace fs = std::filesystem;
 
 struct RunArguments {
-    std::string file;
-    std::string out;
-    std::vector<std::string> cases;
-    std::vector<std::string> overrides;
-    std::string draw;
+    std::string file, out, draw;
+    std::vector<std::string> cases, overrides;
     int jobs = 0;
-    bool noReport = false;
-    bool details = false;
-    bool again = false;
-    bool isolate = false;
+    bool noReport = false, details = false, again = false, isolate = false;
     std::optional<double> watchdog_s;
 };
 
@@ -65,11 +58,10 @@ public:
                 workers.emplace_back(work);
             } catch (const std::system_error&) {
                 // Fewer threads do it too; none is the caller's own turn.
-                --running;
-                if (workers.empty()) {
-                    ++running;
+                if (workers.empty())
                     work();
-                }
+                else
+                    --running;
                 break;
             }
         }
@@ -142,8 +134,8 @@ int replay(const RunArguments& arguments) {
     if (!result.difference.empty())
         throw badInput(arguments.file,
                        "the replay of " + result.caseName + " differs from the log " + result.difference,
-                       "The same version of viable, the same plugins and the same robot give the same bits; "
-                       "`viable report` and `viable export` show the log as it is.");
+                       "The same version of viable, the same plugins and the same robot give the same bits; `viable "
+                       "report` and `viable export` show the log as it is.");
     std::printf("%s: replayed %lld ticks, to %.3f s: all equal to the log, to the bit%s\n", result.caseName.c_str(),
                 static_cast<long long>(result.ticks), result.end_s,
                 result.isComplete ? ""
@@ -227,12 +219,12 @@ void addRunCommand(CLI::App& app, int& exitCode) {
         "--again", arguments->again,
         "FILE is a log: decide all its ticks again from the recorded commands and readings, and compare");
     command->add_flag("--isolate", arguments->isolate,
-                      "Each plugin in a process of its own: one that crashes, hangs or exits is "
-                      "named, and the arm is braked (slower, one case at a time)");
+                      "Each plugin in a process of its own: one that crashes, hangs or exits is named, and the arm is "
+                      "braked (slower, one case at a time)");
     command
         ->add_option("--watchdog", arguments->watchdog_s,
-                     "Seconds that a plugin may take for one call: with --isolate the arm is then "
-                     "braked (default: 5), without it the program ends (default: 60)")
+                     "Seconds that a plugin may take for one call: with --isolate the arm is then braked (default: 5), "
+                     "without it the program ends (default: 60)")
         ->check(CLI::Range(0.01, 3600.0));
     for (const char* other : {"--out", "--case", "--set", "--draw", "--jobs", "--no-report", "--details", "--isolate"})
         again->excludes(command->get_option(other));  // the log says all that

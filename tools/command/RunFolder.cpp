@@ -8,7 +8,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <ctime>
-#include <map>
 #include <system_error>
 
 #include "Commands.h"
@@ -85,30 +84,26 @@ void requireFreeFolder(const fs::path& folder) {
 
 fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
     std::error_code error;
+    const auto notMade = [&](const std::string& where, const std::string& remedy) {
+        return Error(ErrorKind::LogNotWritten, where, "cannot create the folder: " + error.message(), remedy);
+    };
     if (!wanted.empty()) {
-        const fs::path folder = wanted;
-        requireFreeFolder(folder);
-        error.clear();
-        fs::create_directories(folder, error);
-        if (error)
-            throw Error(ErrorKind::LogNotWritten, "--out " + wanted, "cannot create the folder: " + error.message(),
-                        "Name another place.");
-        return folder;
+        requireFreeFolder(wanted);
+        fs::create_directories(wanted, error);
+        if (error) throw notMade("--out " + wanted, "Name another place.");
+        return wanted;
     }
+    constexpr char kRemedy[] = "Name another place with --out DIR.";
     char stamp[32];
     const std::time_t now = std::time(nullptr);
     std::strftime(stamp, sizeof stamp, "%Y%m%d-%H%M%S", std::localtime(&now));
     fs::create_directories("runs", error);
-    if (error)
-        throw Error(ErrorKind::LogNotWritten, (fs::current_path() / "runs").string(),
-                    "cannot create the folder: " + error.message(), "Name another place with --out DIR.");
+    if (error) throw notMade((fs::current_path() / "runs").string(), kRemedy);
     for (int i = 1; i < 1000; ++i) {
         const fs::path folder =
             fs::path("runs") / (experiment.stem().string() + "-" + stamp + (i > 1 ? "-" + std::to_string(i) : ""));
         if (fs::create_directory(folder, error)) return folder;
-        if (error)
-            throw Error(ErrorKind::LogNotWritten, folder.string(), "cannot create the folder: " + error.message(),
-                        "Name another place with --out DIR.");
+        if (error) throw notMade(folder.string(), kRemedy);
     }
     throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
 }
@@ -183,7 +178,7 @@ int tryWriteSummary(const fs::path& folder, const Experiment& experiment, const 
 bool tryWriteReport(const fs::path& folder) {
     if (areMessagesJson()) WorkShare::show = nullptr;  // a program was told of cases, and is not told of logs now
     try {
-        for (const fs::path& report : writeReport(folder, findReportPage()))
+        for (const fs::path& report : writeReport(folder, findShared(kReportPage)))
             std::printf("report: %s\n", report.c_str());
         return true;
     } catch (const std::exception& e) {

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "Commands.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 
@@ -100,15 +101,6 @@ std::string quote(const std::string& name) {
     return "`" + shown + "`";
 }
 
-std::string readTemplate(const fs::path& file) {
-    if (std::optional<std::string> text = readWhole(file)) return *std::move(text);
-    throw badInput(file.string(), "this template cannot be read", "Install viable again.");
-}
-
-void fillMarks(std::string& text, const std::map<std::string, std::string>& replacements) {
-    for (const auto& [key, value] : replacements) text = detail::replaceAll(std::move(text), "@" + key + "@", value);
-}
-
 Error failure(const fs::path& path, int error) {
     const bool isWrongPlace = error == ENOTDIR || error == EEXIST || error == ENOTEMPTY || error == ENAMETOOLONG;
     return Error(isWrongPlace ? ErrorKind::BadInput : ErrorKind::LogNotWritten, path.string(),
@@ -174,8 +166,12 @@ fs::path getProgram() {
     return fs::read_symlink("/proc/self/exe", failed);
 }
 
+fs::path findShared(const char* name) {
+    return getProgram().parent_path() / ".." / "share" / "viable" / name;
+}
+
 fs::path getTemplates() {
-    return (getProgram().parent_path() / ".." / "share" / "viable" / "templates").lexically_normal();
+    return findShared("templates").lexically_normal();
 }
 
 std::string getProgramWord() {
@@ -207,34 +203,27 @@ void checkNewName(const std::string& name, const std::string& kind, bool isClass
     }
     if (!isSnakeCase(name))
         throw badInput(where, "the name " + quote(name) + " is not snake_case",
-                       "Write small letters of English, digits and single underscores, beginning "
-                       "with a letter: `" +
+                       "Write small letters of English, digits and single underscores, beginning with a letter: `" +
                            suggestName(name, kind, isClass) + "`.");
     if (name.size() > kLongestName)
         throw badInput(where,
                        "the name " + quote(name) + " has " + std::to_string(name.size()) + " letters; at most " +
                            std::to_string(kLongestName) + " are allowed",
                        "Choose a shorter one.");
-    if (!isClass) return;
-    if (isAmong(name, kKeywords))
-        throw badInput(where, "the name " + quote(name) + " is a keyword of C++",
-                       "Add a word to it: `" + name + "_" + kind + "`.");
-    if (isAmong(name, kTaken))
+    const bool isKeyword = isAmong(name, kKeywords);
+    if (isClass && (isKeyword || isAmong(name, kTaken)))
         throw badInput(where,
-                       "the name " + quote(name) + " would clash with one of viable or GoogleTest in the new project",
+                       "the name " + quote(name) +
+                           (isKeyword ? " is a keyword of C++"
+                                      : " would clash with one of viable or GoogleTest in the new project"),
                        "Add a word to it: `" + name + "_" + kind + "`.");
 }
 
 std::string makeClassName(const std::string& name) {
     std::string result;
-    bool startsWord = true;
-    for (const char c : name) {
-        if (c == '_') {
-            startsWord = true;
-            continue;
-        }
-        result += startsWord && isLower(c) ? static_cast<char>(c - 'a' + 'A') : c;
-        startsWord = false;
+    for (std::size_t i = 0; i < name.size(); ++i) {
+        const bool startsWord = i == 0 || name[i - 1] == '_';
+        if (name[i] != '_') result += startsWord && isLower(name[i]) ? static_cast<char>(name[i] - 'a' + 'A') : name[i];
     }
     return result;
 }
@@ -246,14 +235,15 @@ FolderFiles fillTemplate(const fs::path& folder, const std::map<std::string, std
         std::string name = entry->path().filename().string();
         const auto className = replacements.find("CLASS");
         if (className != replacements.end() && name.rfind("Plugin", 0) == 0) name.replace(0, 6, className->second);
-        std::string text = readTemplate(entry->path());
-        fillMarks(text, replacements);
-        files[name] = text;
+        std::optional<std::string> text = readWhole(entry->path());
+        if (!text) throw badInput(entry->path().string(), "this template cannot be read", "Install viable again.");
+        for (const auto& [key, value] : replacements)
+            text = detail::replaceAll(std::move(*text), "@" + key + "@", value);
+        files[name] = *text;
     }
     if (failed || files.empty())
         throw badInput(folder.string(), "the templates of `viable new` are not there",
-                       "They are installed with the program, in share/viable/templates: install "
-                       "viable again.");
+                       "They are installed with the program, in share/viable/templates: install viable again.");
     return files;
 }
 
@@ -267,8 +257,7 @@ void checkNewFolder(const fs::path& target) {
     const bool isEmpty = fs::is_empty(target, failed);
     if (failed || !isEmpty)
         throw badInput(target.string(), failed ? "this folder cannot be read" : "this folder is not empty",
-                       "Nothing is overwritten: choose another name, or another folder with --out, "
-                       "or remove it.");
+                       "Nothing is overwritten: choose another name, or another folder with --out, or remove it.");
 }
 
 void writeNewFolder(const fs::path& target, const FolderFiles& files) {

@@ -1,5 +1,4 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <csignal>
 
 #include "Commands.h"
@@ -101,21 +100,15 @@ int verify(const VerifyArguments& arguments) {
         std::printf("wrote %s\n", file.c_str());
         const fs::path folder = fs::path(arguments.file).parent_path();
         try {
-            for (const fs::path& page : writeReport(folder.empty() ? "." : folder, findReportPage()))
+            for (const fs::path& page : writeReport(folder.empty() ? "." : folder, findShared(kReportPage)))
                 std::printf("wrote %s\n", page.c_str());
         } catch (const Error& e) {  // of another log in the folder, say: the verdict stands
             std::fprintf(stderr, "viable: the report was not written: %s\n", e.what());
             if (verdict.overall() == Finding::Held || verdict.overall() == Finding::NoLimit) return e.exitCode();
         }
     }
-    switch (verdict.overall()) {
-        case Finding::Broken:
-            return static_cast<int>(ErrorKind::GuaranteeBroken);
-        case Finding::CannotTell:
-            return kCannotTell;
-        default:
-            return 0;
-    }
+    if (verdict.overall() == Finding::Broken) return static_cast<int>(ErrorKind::GuaranteeBroken);
+    return verdict.overall() == Finding::CannotTell ? kCannotTell : 0;
 }
 
 }  // namespace
@@ -124,8 +117,8 @@ void addVerifyCommand(CLI::App& app, int& exitCode) {
     auto arguments = std::make_shared<VerifyArguments>();
     CLI::App* command = app.add_subcommand(
         "verify",
-        "Did the joints keep their limits? Judges noisy readings, with error bars. Exit code 0: held, or "
-        "no limit was named; 3: broken; 7: cannot be told; 2: bad input; 5: a file was not written");
+        "Did the joints keep their limits? Judges noisy readings, with error bars. Exit code 0: held, or no limit was "
+        "named; 3: broken; 7: cannot be told; 2: bad input; 5: a file was not written");
     command->add_option("LOG", arguments->file, "Log of a case, another MCAP file with joint states, or CSV")
         ->required();
     command->add_option("--limits", arguments->limits, "Robot whose limits count (default: those of the log)");

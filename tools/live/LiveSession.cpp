@@ -150,22 +150,14 @@ void LiveSession::readWishes() {
                          by == LiveAsker::Duration ? "its time was over" : "the user asked for it");
         changeTo(LiveState::Stopping, by);
     };
-    switch (static_cast<Wish>(word & 0xff)) {
-        case Wish::None:
-            break;
-        case Wish::Pause:
-            if (state_ != LiveState::Running) break;
-            loop.pause();
-            changeTo(LiveState::Armed, asker);
-            break;
-        case Wish::Resume:
-            if (state_ != LiveState::Armed) break;
-            loop.resume();
-            changeTo(LiveState::Running, asker);
-            break;
-        case Wish::Stop:
-            stop(asker);
-            return;
+    const auto wish = static_cast<Wish>(word & 0xff);
+    if (wish == Wish::Stop) return stop(asker);
+    if (wish == Wish::Pause && state_ == LiveState::Running) {
+        loop.pause();
+        changeTo(LiveState::Armed, asker);
+    } else if (wish == Wish::Resume && state_ == LiveState::Armed) {
+        loop.resume();
+        changeTo(LiveState::Running, asker);
     }
     if (loop.commandTime() >= options_.duration_s - 0.5 * tick_s_) stop(LiveAsker::Duration);
 }

@@ -62,8 +62,6 @@ public:
     LiveSession(std::unique_ptr<ConfiguredCase> configured, const LiveOptions& options);
     /** Stops, and waits for the end. */
     ~LiveSession();
-    LiveSession(const LiveSession&) = delete;
-    LiveSession& operator=(const LiveSession&) = delete;
 
     /** The same case, configured anew and without a real arm, for so many ticks; its code is then in memory. Throws Error, also
     where the arm had to be stopped in one of them. */

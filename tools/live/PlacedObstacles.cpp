@@ -147,10 +147,7 @@ bool PlacedObstacles::request(const std::string& message) {
     if (!one) return false;
     const std::lock_guard guard(lock_);
     auto& place = wished_[static_cast<std::size_t>(one->place)];
-    if (one->solid)
-        place = std::move(one);
-    else
-        place.reset();
+    place = one->solid ? std::move(one) : std::nullopt;
     isNew_ = true;
     return true;
 }

@@ -183,28 +183,19 @@ bool isSame(double a, double b) {
     return std::memcmp(&a, &b, sizeof a) == 0 || (a != a && b != b);
 }
 
-std::string format(double value) {
-    return detail::format("%.17g", value);
-}
-
 /** "nominal.joint1.q_rad is 0.5 in the log and 0.25 in the replay"; empty: none differs. */
 std::string findDifference(const std::vector<LogColumn>& columns, const TickRecord& logged, const TickRecord& now) {
     for (const LogColumn& column : columns) {
         if (isTime(column.name())) continue;
-        std::string before, after;
-        if (column.isText()) {
-            before = column.getText(logged);
-            after = column.getText(now);
-            if (before == after) continue;
-        } else if (column.isInteger()) {
-            if (column.getInteger(logged) == column.getInteger(now)) continue;
-            before = std::to_string(column.getInteger(logged));
-            after = std::to_string(column.getInteger(now));
-        } else {
-            if (isSame(column.getNumber(logged), column.getNumber(now))) continue;
-            before = format(column.getNumber(logged));
-            after = format(column.getNumber(now));
-        }
+        const bool isNumber = !column.isText() && !column.isInteger();
+        if (isNumber && isSame(column.getNumber(logged), column.getNumber(now))) continue;
+        const auto show = [&](const TickRecord& row) {
+            return isNumber          ? detail::format("%.17g", column.getNumber(row))
+                   : column.isText() ? std::string(column.getText(row))
+                                     : std::to_string(column.getInteger(row));
+        };
+        const std::string before = show(logged), after = show(now);
+        if (!isNumber && before == after) continue;
         return column.name() + " is " + before + " in the log and " + after + " in the replay";
     }
     return {};
@@ -227,10 +218,10 @@ public:
     std::int64_t run(const Stop& stop, ReplayResult& result) {
         Rows rows(log_);
         if (rows.reader().layout().hasTouch)
-            throw badInput(log_.string(),
-                           "a run with contact_force_N cannot be decided again: the log has not what the torque "
-                           "sensors told",
-                           "`viable report` and `viable export` show it as it is.");
+            throw badInput(
+                log_.string(),
+                "a run with contact_force_N cannot be decided again: the log has not what the torque sensors told",
+                "`viable report` and `viable export` show it as it is.");
         auto configured = configureCase(plan_);
         LoopPlugins& plugins = configured->plugins;
         hasClock_ = plugins.realPlant && plugins.realPlant->traits().hasClock;

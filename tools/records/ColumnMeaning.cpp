@@ -36,8 +36,8 @@ constexpr struct {
     {"desired.*.tau", "torque that the controller asks for"},
     {"filter.*.tau", "torque that the filter lets pass; it moves the nominal arm"},
     {"filter.*.active",
-     "limit that bound this joint's own choice: none, position_lower, ... jerk_upper, torque_lower, "
-     "clearance_lower, speed_upper, ..."},
+     "limit that bound this joint's own choice: none, position_lower, ... jerk_upper, torque_lower, clearance_lower, "
+     "speed_upper, ..."},
     {"filter.*.tau_removed", "desired (and external) minus filtered torque, whatever the cause"},
     {"filter.*.margin", "least distance to a position limit along this tick and the stop after it; negative: beyond"},
     {"filter.*.stop", "duration of that stop"},
@@ -64,8 +64,8 @@ constexpr struct {
     {"live.take", "number of the operator's take, from 1; 0: none"},
     {"pace.interval", "from the beginning of the last tick to that of this one; 0: one was missed"},
     {"tick.status",
-     "the filter's answer: passed, modified, infeasible (no admissible choice), recovering (returning to a "
-     "limit), stopped_by_plan (the backup stop)"},
+     "the filter's answer: passed, modified, infeasible (no admissible choice), recovering (returning to a limit), "
+     "stopped_by_plan (the backup stop)"},
     {"tick.stop", "the stop after the tick: safe, recovering (beyond a limit), no_stop (none was found: not viable)"},
     {"tick.missed", "1: command, controller and filter did not run"},
     {"tick.braking", "1: the arm brakes to the end of the run"},

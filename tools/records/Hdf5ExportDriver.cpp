@@ -21,9 +21,6 @@ struct File {
 File& get(H5FD_t* file) {
     return *reinterpret_cast<File*>(file);
 }
-const File& get(const H5FD_t* file) {
-    return *reinterpret_cast<const File*>(file);
-}
 
 H5FD_t* open(const char*, unsigned, hid_t access, haddr_t) {
     const void* target = H5Pget_driver_info(access);
@@ -46,7 +43,7 @@ herr_t query(const H5FD_t*, unsigned long* flags) {
 }
 
 haddr_t getAllocated(const H5FD_t* file, H5FD_mem_t) {
-    return get(file).allocated;
+    return reinterpret_cast<const File*>(file)->allocated;
 }
 
 herr_t setAllocated(H5FD_t* file, H5FD_mem_t, haddr_t end) {
@@ -55,7 +52,7 @@ herr_t setAllocated(H5FD_t* file, H5FD_mem_t, haddr_t end) {
 }
 
 haddr_t getWritten(const H5FD_t* file, H5FD_mem_t) {
-    return get(file).written;
+    return reinterpret_cast<const File*>(file)->written;
 }
 
 herr_t read(H5FD_t* handle, H5FD_mem_t, hid_t, haddr_t at, std::size_t size, void* to) {

@@ -37,13 +37,12 @@ void exportCsv(const std::filesystem::path& log, const std::filesystem::path& cs
             const LogColumn& column = *named.column;
             text += separator;
             separator = ",";
-            if (column.isText()) {
+            if (column.isText())
                 text += detail::quoteCsv(column.getText(record));
-            } else if (column.isInteger()) {
+            else if (column.isInteger())
                 appendNumber(text, column.getInteger(record));
-            } else {
+            else
                 appendNumber(text, column.getNumber(record));
-            }
         }
         text += '\n';
         if (text.size() >= kBlock) {

@@ -36,8 +36,7 @@ namespace {
 using namespace mcap;
 
 constexpr char kRemedy[] =
-    "The log is damaged or was not written by viable; what stands before this byte could be "
-    "read";
+    "The log is damaged or was not written by viable; what stands before this byte could be read";
 
 bool isTime(const LogChannel& channel, const LogField& field) {
     return channel.name == "tick" && field.name == "time_s";
@@ -48,11 +47,9 @@ std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThe
     std::vector<LogColumn> columns;
     for (const LogChannel* one : listLogChannels()) {
         const LogChannel& channel = *one;
-        for (const LogField& field : channel.fields) {
-            if (isTime(channel, field) && isThere(channel, field)) {
+        for (const LogField& field : channel.fields)
+            if (isTime(channel, field) && isThere(channel, field))
                 columns.insert(columns.begin(), LogColumn(field.name, field, 0));
-            }
-        }
         const int n = static_cast<int>(layout.jointNames.size());
         for (int joint = 0; joint < n; ++joint) {
             for (const LogField& field : channel.fields) {
@@ -64,9 +61,8 @@ std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThe
         for (const LogField& field : channel.fields) {
             if (field.isPerJoint() || isTime(channel, field) || !isThere(channel, field)) continue;
             if (field.kind == LogKind::Vector) {
-                for (std::size_t i = 0; i < field.elements.size(); ++i) {
+                for (std::size_t i = 0; i < field.elements.size(); ++i)
                     columns.emplace_back(channel.name + "." + field.elements[i], field, static_cast<int>(i));
-                }
             } else {
                 columns.emplace_back(channel.name + "." + field.name, field, 0);
             }
@@ -131,10 +127,9 @@ std::vector<Step> parseSchema(std::string_view text, const LogChannel& channel) 
         if (!isKnown) throw std::runtime_error("has the type `" + type + "`, unknown here");
         for (const LogField& field : channel.fields) {
             if (field.getSchemaName() != name) continue;
-            if (field.getSchemaType() != type) {
+            if (field.getSchemaType() != type)
                 throw std::runtime_error("gives `" + name + "` the type `" + type + "`; this version reads `" +
                                          field.getSchemaType() + "`");
-            }
             step.field = &field;
         }
         steps.push_back(step);
@@ -163,10 +158,9 @@ struct LogReader::Impl {
 
     explicit Impl(const std::filesystem::path& path) : name(path.string()), file(path, kRemedy) {
         while (file.nextOfOpening()) file.within([&] { readRecord(); });
-        if (layout.jointNames.empty()) {
+        if (layout.jointNames.empty())
             file.fail(file.isComplete() ? "the log has no channel of this program"
                                         : "the log ends within its opening and holds no rows");
-        }
         columns =
             listColumns(layout, [&](const LogChannel&, const LogField& field) { return fields.count(&field) != 0; });
     }
@@ -174,31 +168,18 @@ struct LogReader::Impl {
     /** True: with this record `row` is whole. */
     bool readRecord() {
         const std::string_view content = file.content();
-        switch (file.opcode()) {
-            case kSchema:
-                readSchema(content);
-                break;
-            case kChannel:
-                readChannel(content);
-                break;
-            case kMetadata: {
-                ByteReader in(content);
-                if (in.readString() == "viable") readMetadata(in.readMap());
-                break;
-            }
-            case kAttachment:
-                readAttachment(content);
-                break;
-            case kMessage:
-                return readMessage(content);
-            default:  // indices, and what later versions of the format may bring
-                break;
-        }
-        return false;
+        if (file.opcode() == kMessage) return readMessage(content);
+        if (file.opcode() == kSchema) readSchema(content);
+        if (file.opcode() == kChannel) readChannel(content);
+        if (file.opcode() == kMetadata) readMetadata(content);
+        if (file.opcode() == kAttachment) readAttachment(content);
+        return false;  // others: indices, and what later versions of the format may bring
     }
 
-    void readMetadata(std::map<std::string, std::string> entries) {
-        metadata = std::move(entries);
+    void readMetadata(std::string_view bytes) {
+        ByteReader in(bytes);
+        if (in.readString() != "viable") return;
+        metadata = in.readMap();
         const auto kinds = metadata.find(kLimitKindsKey);
         if (kinds != metadata.end()) readLimitKinds(kinds->second);
     }
@@ -206,11 +187,8 @@ struct LogReader::Impl {
     void readSchema(std::string_view bytes) {
         ByteReader in(bytes);
         const std::uint16_t id = in.readU16();
-        Schema schema;
-        schema.name = in.readString();
-        schema.encoding = in.readString();
-        schema.text = in.readString();
-        schemas[id] = std::move(schema);
+        const auto readText = [&] { return std::string(in.readString()); };
+        schemas[id] = Schema{readText(), readText(), readText()};
     }
 
     void readChannel(std::string_view bytes) {
@@ -230,10 +208,9 @@ struct LogReader::Impl {
         });
         if (found == all.end()) return;  // somebody else's
         const LogChannel* const channel = *found;
-        if (encoding != "cdr" || schema->second.encoding != "ros2msg") {
+        if (encoding != "cdr" || schema->second.encoding != "ros2msg")
             throw BadBytes(0, "channel " + quote(topic) + " is encoded as " + quote(encoding) + " with a schema in " +
                                   quote(schema->second.encoding) + "; this version reads `cdr` with `ros2msg`");
-        }
         Plan plan;
         plan.bit = std::uint32_t{1} << (found - all.begin());
         plan.channel = channel;
@@ -244,13 +221,11 @@ struct LogReader::Impl {
             throw BadBytes(0, "the schema of channel " + quote(topic) + " " + e.what());
         }
         readJointNames(topic, entries);
-        for (const Step& step : plan.steps) {
+        for (const Step& step : plan.steps)
             if (step.field != nullptr) fields.insert(step.field);
-        }
-        if (channel->name == "command") {
+        if (channel->name == "command")
             layout.commandSpace =
                 channel->message == "ToolCommand" ? MotionCommand::Space::Tool : MotionCommand::Space::Joint;
-        }
         if (channel->name == "real") layout.hasRealPlant = true;
         if (channel->name == "external") layout.hasExternalTorque = true;
         if (channel->name == "contact") layout.hasContact = true;
@@ -276,14 +251,12 @@ struct LogReader::Impl {
         const bool isList =
             json.is_array() && !json.empty() && json.size() <= static_cast<std::size_t>(kMaxJoints) &&
             std::all_of(json.begin(), json.end(), [](const nlohmann::json& j) { return j.is_string(); });
-        if (!isList) {
+        if (!isList)
             throw BadBytes(0,
                            "channel " + quote(topic) + " does not name 1 to " + std::to_string(kMaxJoints) + " joints");
-        }
         const auto names = json.get<std::vector<std::string>>();
-        if (!layout.jointNames.empty() && names != layout.jointNames) {
+        if (!layout.jointNames.empty() && names != layout.jointNames)
             throw BadBytes(0, "channel " + quote(topic) + " names other joints than the one before");
-        }
         layout.jointNames = names;
     }
 
@@ -291,15 +264,12 @@ struct LogReader::Impl {
         ByteReader in(content);
         in.readU64();
         in.readU64();
-        LogAttachment attachment;
-        attachment.name = in.readString();
-        attachment.mediaType = in.readString();
+        LogAttachment attachment{std::string(in.readString()), std::string(in.readString()), ""};
         attachment.data = in.take(in.readU64());
         const std::size_t covered = in.position();
         const std::uint32_t crc = in.readU32();
-        if (crc != 0 && crc != calcCrc(content.substr(0, covered))) {
+        if (crc != 0 && crc != calcCrc(content.substr(0, covered)))
             throw BadBytes(0, "the checksum of attachment " + quote(attachment.name) + " differs");
-        }
         attachments.push_back(std::move(attachment));
     }
 
@@ -319,9 +289,8 @@ struct LogReader::Impl {
         } else if (sequence != rowSequence || (seen & plan.bit) != 0) {
             throw BadBytes(0, "row " + std::to_string(rowSequence) + " lacks a channel");
         }
-        if (in.take(kCdrLittleEndian.size()) != kCdrLittleEndian) {
+        if (in.take(kCdrLittleEndian.size()) != kCdrLittleEndian)
             throw BadBytes(0, "a message of channel " + quote(plan.channel->getTopic()) + " is not little-endian CDR");
-        }
         const std::string_view body = in.take(in.left());
         decodeAll(plan, body);
         if (plan.isOnChange) {
@@ -363,10 +332,9 @@ struct LogReader::Impl {
             return;
         }
         const LogField& field = *step.field;
-        if (field.isPerJoint() && count != layout.jointNames.size()) {
+        if (field.isPerJoint() && count != layout.jointNames.size())
             throw BadBytes(0, "`" + field.name + "` has " + std::to_string(count) + " entries for " +
                                   std::to_string(layout.jointNames.size()) + " joints");
-        }
         const int n = static_cast<int>(count);
         if (field.isText()) {
             for (int i = 0; i < n; ++i) {
@@ -377,9 +345,8 @@ struct LogReader::Impl {
         }
         if (field.kind == LogKind::Integer) {
             const auto value = static_cast<std::int64_t>(in.readU64());
-            if (!field.setInteger(row, value)) {
+            if (!field.setInteger(row, value))
                 throw BadBytes(0, "`" + field.name + "` cannot be " + std::to_string(value));
-            }
         } else if (field.updJoints != nullptr) {
             JointVector& v = field.updJoints(row);
             v.resize(n);

@@ -69,31 +69,18 @@ std::string quote(std::string_view text) {
 
 McapFile::McapFile(const std::filesystem::path& file, std::string remedy)
     : file_(file.string()), remedy_(std::move(remedy)) {
-    descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    opened_.descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat info {};
-    if (descriptor_ < 0 || ::fstat(descriptor_, &info) != 0) {
-        const std::string reason = std::generic_category().message(errno);
-        closeFile();
-        throw badInput(file_, "the log cannot be opened: " + reason, "Check the path");
-    }
-    try {
-        if (!S_ISREG(info.st_mode)) throw badInput(file_, "not a file", "Give a log");
-        size_ = static_cast<std::uint64_t>(info.st_size);
-        findEnd();
-        readHeader();
-    } catch (...) {
-        closeFile();
-        throw;
-    }
+    if (opened_.descriptor < 0 || ::fstat(opened_.descriptor, &info) != 0)
+        throw badInput(file_, "the log cannot be opened: " + std::generic_category().message(errno), "Check the path");
+    if (!S_ISREG(info.st_mode)) throw badInput(file_, "not a file", "Give a log");
+    size_ = static_cast<std::uint64_t>(info.st_size);
+    findEnd();
+    readHeader();
 }
 
-McapFile::~McapFile() {
-    closeFile();
-}
-
-void McapFile::closeFile() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-    descriptor_ = -1;
+McapFile::Opened::~Opened() {
+    if (descriptor >= 0) ::close(descriptor);
 }
 
 void McapFile::failAt(std::uint64_t offset, const std::string& reason) const {
@@ -109,7 +96,7 @@ void McapFile::readAt(std::uint64_t offset, std::uint64_t length, std::string& t
     to.resize(static_cast<std::size_t>(length));
     std::size_t got = 0;
     while (got < to.size()) {
-        const ssize_t taken = ::pread(descriptor_, &to[got], to.size() - got, static_cast<off_t>(offset + got));
+        const ssize_t taken = ::pread(opened_.descriptor, &to[got], to.size() - got, static_cast<off_t>(offset + got));
         if (taken < 0 && errno == EINTR) continue;
         if (taken < 0) failAt(offset + got, "cannot be read: " + std::generic_category().message(errno));
         if (taken == 0) failAt(offset + got, "the file has become shorter while it was read");
@@ -121,10 +108,9 @@ void McapFile::readAt(std::uint64_t offset, std::uint64_t length, std::string& t
 void McapFile::findEnd() {
     std::string bytes;
     readAt(0, std::min<std::uint64_t>(size_, kMagic.size()), bytes);
-    if (bytes != kMagic) {
+    if (bytes != kMagic)
         throw badInput(file_, size_ == 0 ? "the file is empty" : "not an MCAP file of version 0",
                        "Give a log written by `viable run`");
-    }
     dataEnd_ = size_;
     constexpr std::uint64_t kTail = kRecordHead + kFooterContent + kMagic.size();
     if (size_ < kMagic.size() + kTail) return;
@@ -139,9 +125,8 @@ void McapFile::findEnd() {
     in.readU64();
     const std::uint32_t footerCrc = in.readU32();
     if (footerOpcode != kFooter || length != kFooterContent) failAt(footer, "no footer before the end");
-    if (summary != 0 && (summary < kMagic.size() || summary > footer)) {
+    if (summary != 0 && (summary < kMagic.size() || summary > footer))
         failAt(footer, "the summary cannot begin at byte " + std::to_string(summary));
-    }
     std::uint32_t crc = 0;
     constexpr std::uint64_t kCovered = kRecordHead + 16;  // the footer up to its checksum
     const std::uint64_t covered = footer + kCovered;
@@ -180,10 +165,9 @@ bool McapFile::nextOfFile() {
     opcode_ = in.readU8();
     const std::uint64_t length = in.readU64();
     if (length > dataEnd_ - position_ - kRecordHead) return cutOff();
-    if (length > kLargestRecord) {
+    if (length > kLargestRecord)
         failAt(position_, "a record of " + std::to_string(length) + " bytes; at most " +
                               std::to_string(kLargestRecord) + " are accepted");
-    }
     readAt(position_ + kRecordHead, length, fileContent_);
     recordContent_ = fileContent_;
     position_ += kRecordHead + length;
@@ -252,9 +236,8 @@ bool McapFile::nextOfChunk() {
 
 void McapFile::readDataEnd() {
     const std::uint32_t written = ByteReader(fileContent_).readU32();
-    if (written != 0 && written != dataCrc_) {
+    if (written != 0 && written != dataCrc_)
         failAt(recordOffset_, "the checksum of all data differs: something before is damaged");
-    }
     atEnd_ = true;
 }
 
@@ -266,10 +249,9 @@ void McapFile::readChunk() {
     const std::uint32_t crc = in.readU32();
     const std::string_view compression = in.readString();
     const std::string_view packed = in.take(in.readU64());
-    if (plain > kLargestAcceptedChunk) {
+    if (plain > kLargestAcceptedChunk)
         throw BadBytes(16, "a chunk of " + std::to_string(plain) + " bytes; at most " +
                                std::to_string(kLargestAcceptedChunk) + " are accepted");
-    }
     if (compression.empty()) {
         chunk_ = packed;
     } else if (compression == "zstd" || compression == "lz4") {
@@ -282,10 +264,9 @@ void McapFile::readChunk() {
         throw BadBytes(
             0, "the chunk is compressed by " + quote(compression) + "; this version reads `zstd`, `lz4` and none");
     }
-    if (chunk_.size() != plain) {
+    if (chunk_.size() != plain)
         throw BadBytes(0,
                        "the chunk has " + std::to_string(chunk_.size()) + " bytes instead of " + std::to_string(plain));
-    }
     if (crc != 0 && crc != calcCrc(chunk_)) throw BadBytes(0, "the chunk's checksum differs");
     chunkReader_ = ByteReader(chunk_);
     isInChunk_ = true;

@@ -15,7 +15,6 @@ class McapFile {
 public:
     /** Opens the file and reads its header. @param remedy  ends the errors about the file's bytes */
     McapFile(const std::filesystem::path& file, std::string remedy);
-    ~McapFile();
     McapFile(const McapFile&) = delete;
     McapFile& operator=(const McapFile&) = delete;
 
@@ -49,7 +48,6 @@ public:
 private:
     [[noreturn]] void failAt(std::uint64_t offset, const std::string& reason) const;
     [[noreturn]] void failInRecord(std::size_t offset, const std::string& reason) const;
-    void closeFile();
     void readAt(std::uint64_t offset, std::uint64_t length, std::string& to) const;
     void findEnd();
     void readHeader();
@@ -61,7 +59,10 @@ private:
     void readDataEnd();
 
     std::string file_, remedy_;
-    int descriptor_ = -1;
+    struct Opened {
+        ~Opened();
+        int descriptor = -1;
+    } opened_;
     std::uint64_t size_ = 0;
     std::uint64_t dataEnd_ = 0;  // where the data section ends at the latest
     bool isComplete_ = false;

@@ -15,12 +15,10 @@ struct CaseResult {
     std::vector<std::string> assumed;  ///< figures of the robot that nobody gave
     LimitSet assumedLimits;            ///< kinds that are such figures, motors' torques too
     std::string tool;                  ///< which directions a tool command gives up on this arm; empty: none
-    std::string controller;            ///< plugin names, for tables
-    std::string filter;
+    std::string controller, filter;    ///< plugin names, for tables
     /** What the case is besides its filter, by key of the experiment file: cases are ranked where this is equal. */
     std::map<std::string, std::string> others;
-    std::string robustLoop;  ///< empty: no real plant
-    std::string realPlant;
+    std::string robustLoop, realPlant;          ///< empty: no real plant
     LimitSet guarantees;                        ///< of the filter
     std::vector<std::string> links, obstacles;  ///< that a LimitReport names by index; may be empty
     /** Of that guarantee position and velocity are the real arm's, as long as the run does not trip. */
@@ -28,8 +26,7 @@ struct CaseResult {
     std::optional<LoopMargins> margins;        ///< of a robust loop that tells its law
     std::map<std::string, std::string> seeds;  ///< by plugin name
     Summary summary;
-    double simulated_s = 0.0;
-    double wall_s = 0.0;
+    double simulated_s = 0.0, wall_s = 0.0;
     StopReason stopReason = StopReason::None;
     std::string stopMessage;            ///< one sentence that names plugin, time and cause; empty without a stop
     std::string stopRemedy;             ///< what to do about it; may be empty

@@ -1,7 +1,6 @@
 
 #include "core/Text.h"
 #include "summary/CaseResult.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -25,8 +24,6 @@ constexpr double kMissedShare = 0.4, kMissedAtRest = 0.1;
 constexpr double kLeastMiss_m = 0.01, kLeastTurnMiss = 0.05, kLeastJointMiss = 0.01;
 /** RMS jerk of joints that rest at a limit, as a share of the jerk limit, from which on they chatter. */
 constexpr double kChatter = 0.1;
-/** It swings where it misses and moves faster than this share of the command's speed; slower, it lags. */
-constexpr double kSwingingShare = 1.0;
 
 /** What stands behind a robust loop that does not hold the arm. With a tracking bound its gains must be given. */
 std::string explainLoop(const CaseResult& r) {
@@ -50,15 +47,14 @@ void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
     else if (r.margins && !(r.margins->gain >= kSmallGain && r.margins->phase_rad >= kSmallPhase_rad))
         found.push_back(
             "the robust loop is almost unstable: its margin is " + formatMargins(*r.margins) +
-            " (6 dB and 35 degrees are enough: smaller gains, or nric's own where no tracking bound is asked "
-            "for)");
+            " (6 dB and 35 degrees are enough: smaller gains, or nric's own where no tracking bound is asked for)");
     int worst = 0;
-    for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
+    for (int i = 1; i < s.size(); ++i)
         if (!(s.trackingRms(i) <= s.trackingRms(worst))) worst = i;
     if (s.trackingRms(worst) <= kFarRms || (s.waiting() && s.waiting()->ticks > 0)) return;
-    found.push_back(format(
-        "the real arm does not follow the nominal one: %s is %.3g mrad (sliding: mm) from it, RMS (%s)",
-        s.jointNames()[static_cast<std::size_t>(worst)].c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));
+    found.push_back(
+        format("the real arm does not follow the nominal one: %s is %.3g mrad (sliding: mm) from it, RMS (%s)",
+               s.jointName(worst).c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));
 }
 
 /** What a bound that does not hold says: none of the disturbances that it is for can do that. */
@@ -67,16 +63,14 @@ void addBound(const CaseResult& r, std::vector<std::string>& found) {
     if (!s.reference().bound) return;
     constexpr double kRounding = 1e-9;
     for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity}) {
-        int worst = 0;
-        for (int i = 1; i < static_cast<int>(s.jointNames().size()); ++i)
-            if (s.boundShare(kind, i) > s.boundShare(kind, worst)) worst = i;
+        const int worst = s.worstBoundJoint(kind);
         if (!(s.boundShare(kind, worst) > 1.0 + kRounding)) continue;
-        found.push_back(format(
-            "the real arm was beyond its tracking bound: the %s of %s by up to %.3g of it (what acts on the arm, or "
-            "its sensors, "
-            "are not within the disturbance_set, a motor was at its limit, or the nominal arm beyond its limits)",
-            kind == LimitKind::Position ? "position" : "velocity",
-            s.jointNames()[static_cast<std::size_t>(worst)].c_str(), s.boundShare(kind, worst)));
+        found.push_back(
+            format("the real arm was beyond its tracking bound: the %s of %s by up to %.3g of it (what acts on the "
+                   "arm, or its sensors, are not within the disturbance_set, a motor was at its limit, or the nominal "
+                   "arm beyond its limits)",
+                   kind == LimitKind::Position ? "position" : "velocity", s.jointName(worst).c_str(),
+                   s.boundShare(kind, worst)));
         return;
     }
 }
@@ -85,12 +79,11 @@ void addBound(const CaseResult& r, std::vector<std::string>& found) {
 template <class Count, class Accept>
 std::string listMotors(const Summary& s, const Count& count, const Accept& accepts) {
     std::string list;
-    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
+    for (int i = 0; i < s.size(); ++i) {
         const MotorRecord& motor = s.motor(i);
         const double share = static_cast<double>(motor.*count) / static_cast<double>(s.ticks());
         if (share > kSaturatedShare && accepts(motor))
-            detail::addItem(
-                list, format("%s in %.0f %%", s.jointNames()[static_cast<std::size_t>(i)].c_str(), 100.0 * share));
+            detail::addItem(list, format("%s in %.0f %%", s.jointName(i).c_str(), 100.0 * share));
     }
     return list;
 }
@@ -193,10 +186,9 @@ std::string formatJointMove(const CaseResult& r, int joint, double size) {
 /** The joint that swings most about a command at rest, and of the others the one that misses its command most. */
 void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
     const Summary& s = r.summary;
-    const auto name = [&](int i) { return s.jointNames()[static_cast<std::size_t>(i)]; };
     int swinging = 0, missing = -1;
     Miss worst{1.0};
-    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
+    for (int i = 0; i < s.size(); ++i) {
         const Following& f = s.following(i);
         if (f.swing() > s.following(swinging).swing()) swinging = i;
         const Miss miss = findMiss(f, kLeastJointMiss, s.tick_s());
@@ -206,12 +198,13 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
     }
     const bool knows = r.controller == "joint_servo";
     if (const double swing = s.following(swinging).swing(); swing > 0.0)
-        found.push_back(name(swinging) + " swings about a command at rest, by " + formatJointMove(r, swinging, swing) +
+        found.push_back(s.jointName(swinging) + " swings about a command at rest, by " +
+                        formatJointMove(r, swinging, swing) +
                         " to each side: the limits keep it going, not the command (" +
                         (knows ? "" : "joint_servo, which knows them, comes to rest; else ") +
                         "less stiffness, more damping, or higher limits of jerk and acceleration)");
     if (missing >= 0)
-        tellMiss(s.following(missing), worst, name(missing), formatJointMove(r, missing, worst.error),
+        tellMiss(s.following(missing), worst, s.jointName(missing), formatJointMove(r, missing, worst.error),
                  formatJointMove(r, missing, s.following(missing).asked()), "limits, obstacles or a slow controller",
                  knows ? "" : "; joint_servo, which knows the limits, comes nearer", found);
 }
@@ -230,8 +223,8 @@ void addWeakTouch(const CaseResult& r, std::vector<std::string>& found) {
 void addChatter(const CaseResult& r, std::vector<std::string>& found) {
     if (r.summary.chatter() > kChatter)
         found.push_back(
-            format("joints that their command presses against a position limit chatter: RMS jerk %.3g %% of "
-                   "the jerk limit (a lower gain of the filter, or certified_braking)",
+            format("joints that their command presses against a position limit chatter: RMS jerk %.3g %% of the jerk "
+                   "limit (a lower gain of the filter, or certified_braking)",
                    100.0 * r.summary.chatter()));
 }
 
@@ -257,11 +250,10 @@ void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
         : s.limit == LimitKind::Torque
             ? " (a larger torque_share or torque_rate_Nmps, or lower limits of acceleration and jerk)"
             : " (larger limits of that kind, or a command that keeps to them)";
-    found.push_back(
-        format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was asked "
-               "to move; what held it: %s",
-               s.longest_s, s.begin_s, s.total_s, getName(s.limit, LimitSide::Neither)) +
-        (isClearance ? nameNearest(r) : "") + remedy);
+    found.push_back(format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was "
+                           "asked to move; what held it: %s",
+                           s.longest_s, s.begin_s, s.total_s, getName(s.limit, LimitSide::Neither)) +
+                    (isClearance ? nameNearest(r) : "") + remedy);
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #include "summary/Summary.h"
 
-#include <utility>
-
 #include "core/FarthestJoint.h"
 
 namespace viable {
@@ -43,21 +41,6 @@ Following::Point makePoint(double x) {
     return {x, 0.0, 0.0, 0.0};
 }
 
-double calcRms(double squared, std::int64_t ticks) {
-    return ticks > 0 ? std::sqrt(squared / static_cast<double>(ticks)) : kNan;
-}
-
-/** Of all joints together. */
-double calcRms(const std::vector<Following>& joints) {
-    double squared = 0.0;
-    std::int64_t ticks = 0;
-    for (const Following& joint : joints) {
-        squared += joint.squaredError();
-        ticks += joint.ticks();
-    }
-    return calcRms(squared, ticks);
-}
-
 }  // namespace
 
 Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
@@ -70,7 +53,7 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     for (int k = 0; k < 2; ++k) {
         real_[k].resize(jointNames_.size());
         realStop_[k].resize(jointNames_.size());
-        boundShare_[k].setZero(static_cast<int>(jointNames_.size()));
+        boundShare_[k].setZero(size());
     }
     motors_.resize(jointNames_.size());
     peaks_.resize(jointNames_.size());
@@ -78,9 +61,9 @@ Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool h
     rests_.assign(jointNames_.size(), {kNan, kNan, 0.0});
     following_.resize(jointNames_.size());
     realFollowing_.resize(jointNames_.size());
-    squaredError_.setZero(static_cast<int>(jointNames_.size()));
-    largestError_.setZero(static_cast<int>(jointNames_.size()));
-    worstMargin_.value = std::numeric_limits<double>::infinity();
+    squaredError_.setZero(size());
+    largestError_.setZero(size());
+    worstMargin_.value = kInfinity;
 }
 
 void Summary::setSliding(std::vector<bool> slides) {
@@ -173,30 +156,20 @@ void Following::addSwing(double error, bool isAtRest) {
     if (side_ * error > 0.0) peak_ = std::max(peak_, size);
 }
 
-double Following::errorRms() const {
-    return calcRms(squaredError_, ticks_);
-}
-
-double Following::largestError() const {
-    return ticks_ ? largest_ : kNan;
+double Following::errorRms(const std::vector<Following>& joints) {
+    double squared = 0.0;
+    std::int64_t ticks = 0;
+    for (const Following& joint : joints) {
+        squared += joint.squaredError_;
+        ticks += joint.ticks_;
+    }
+    return calcRms(squared, ticks);
 }
 
 double Following::spread() const {
     if (ticks_ == 0) return 0.0;
     const double count = static_cast<double>(ticks_);
     return std::sqrt(std::max(0.0, squared_ / count - (sum_ / count).squaredNorm()));
-}
-
-double Following::speedRms() const {
-    return ticks_ > 1 ? calcRms(squaredSpeed_, ticks_ - 1) : 0.0;
-}
-
-double Following::targetSpeedRms() const {
-    return ticks_ > 1 ? calcRms(squaredTargetSpeed_, ticks_ - 1) : 0.0;
-}
-
-double InterventionRecord::torqueRms() const {
-    return ticks ? std::sqrt(squaredTorque / static_cast<double>(ticks)) : 0.0;
 }
 
 bool Summary::check(std::vector<LimitRecord>& records, LimitKind kind, const JointBounds& bounds,
@@ -235,7 +208,7 @@ void Summary::addStops(const TickRecord& record) {
     if (record.missed) ++missed_;
     if (record.verdict == StopVerdict::Recovering) ++recovering_;
     if (record.verdict == StopVerdict::NoStop && unviable_++ == 0) firstUnviable_s_ = record.time_s;
-    for (int i = 0; i < static_cast<int>(jointNames_.size()); ++i) {
+    for (int i = 0; i < size(); ++i) {
         const TickRecord::Stop& stop = record.stops[static_cast<std::size_t>(i)];
         if (stop.margin < worstMargin_.value) worstMargin_ = {stop.margin, i, record.time_s};
         if (stop.duration_s > longestStop_.value) longestStop_ = {stop.duration_s, i, record.time_s};
@@ -243,8 +216,7 @@ void Summary::addStops(const TickRecord& record) {
 }
 
 bool Summary::hasJointCommand(const TickRecord& record) const {
-    return record.command.space == MotionCommand::Space::Joint &&
-           record.command.q.size() == static_cast<Eigen::Index>(jointNames_.size());
+    return record.command.space == MotionCommand::Space::Joint && record.command.q.size() == size();
 }
 
 void Summary::addCommand(int i, const TickRecord& record) {
@@ -423,9 +395,9 @@ bool Summary::anyRealLimitBroken() const {
     return false;
 }
 
-int Summary::worstBoundJoint() const {
+int Summary::worstBoundJoint(LimitKind kind) const {
     Eigen::Index worst = 0;
-    boundShare_[0].maxCoeff(&worst);
+    boundShare_[findReal(kind)].maxCoeff(&worst);
     return static_cast<int>(worst);
 }
 
@@ -435,7 +407,7 @@ constexpr double kStandingShare = 1e-4;
 void Summary::addStandstill(const TickRecord& record) {
     LimitKind held = LimitKind::None;
     bool isStanding = record.status == FilterStatus::StoppedByPlan && !record.missed && !record.braking;
-    for (int i = 0; isStanding && i < static_cast<int>(jointNames_.size()); ++i) {
+    for (int i = 0; isStanding && i < size(); ++i) {
         const double v = record.nominal.qd[i];
         const double limit = v < 0.0 ? -bounds_.velocity.lower[i] : bounds_.velocity.upper[i];
         isStanding = std::abs(v) <= kStandingShare * (std::isfinite(limit) ? limit : 1.0);
@@ -460,7 +432,7 @@ void Summary::addStandstill(const TickRecord& record) {
 }
 
 void Summary::add(const TickRecord& record) {
-    const int n = static_cast<int>(jointNames_.size());
+    const int n = size();
     if (ticks_ > 0) tick_s_ = record.time_s - lastTime_s_;
     lastTime_s_ = record.time_s;
     bounds_ = record.limits;
@@ -542,14 +514,6 @@ double Summary::changedShare() const {
     return static_cast<double>(changed) / static_cast<double>(ticks_);
 }
 
-double Summary::commandErrorRms() const {
-    return calcRms(following_);
-}
-
-double Summary::realCommandErrorRms() const {
-    return calcRms(realFollowing_);
-}
-
 double Summary::jerkRms() const {
     const double count = static_cast<double>(ticks_) * static_cast<double>(jointNames_.size());
     return count > 0.0 ? std::sqrt(squaredJerk_ / count) : 0.0;
@@ -564,16 +528,8 @@ double Summary::trackingRms(int joint) const {
     return readings_ ? std::sqrt(squaredError_[joint] / static_cast<double>(readings_)) : 0.0;
 }
 
-double Summary::trackingMax(int joint) const {
-    return largestError_[joint];
-}
-
 double Summary::trackingRms() const {
     return readings_ ? std::sqrt(squaredError_.mean() / static_cast<double>(readings_)) : 0.0;
-}
-
-double Summary::trackingMax() const {
-    return largestError_.maxCoeff();
 }
 
 }  // namespace viable

@@ -4,8 +4,6 @@
 
 #include "realtime/LatencyHistogram.h"
 #include "tracking/TrackingBound.h"
-#include "viable/core/JointLimits.h"
-#include "viable/limits/ArmLimit.h"
 #include "viable/log/TickRecord.h"
 #include "viable/loop/GuardSummary.h"
 
@@ -13,13 +11,11 @@ namespace viable {
 
 /** What one side of one limit did to one joint. An episode is a row of ticks without a gap. */
 struct InterventionRecord {
-    std::int64_t ticks = 0;
-    std::int64_t episodes = 0;
-    std::int64_t longestTicks = 0;
+    std::int64_t ticks = 0, episodes = 0, longestTicks = 0;
     double largestTorque = 0.0;  ///< |tau_d - tau_c| while it acted [Nm, N]
     double squaredTorque = 0.0;  ///< sum over the ticks [Nm^2]
 
-    double torqueRms() const;  ///< [Nm]
+    double torqueRms() const { return ticks ? std::sqrt(squaredTorque / static_cast<double>(ticks)) : 0.0; }  ///< [Nm]
 };
 
 /** An extreme and where it was. */
@@ -58,13 +54,14 @@ public:
     /** Ticks were left out: the way back from them counts as that of a jump. */
     void skip() { isFirst_ = true; }
     const Point& lastTarget() const { return lastTarget_; }
-    double squaredError() const { return squaredError_; }  ///< sum over the ticks
     std::int64_t ticks() const { return ticks_; }
-    double errorRms() const;        ///< not a number without ticks
-    double largestError() const;    ///< likewise
-    double spread() const;          ///< RMS distance of the command from its mean place
-    double speedRms() const;        ///< [rad/s, m/s]
-    double targetSpeedRms() const;  ///< of the command
+    double errorRms() const { return calcRms(squaredError_, ticks_); }  ///< not a number without ticks
+    static double errorRms(const std::vector<Following>& joints);       ///< of all together
+    double largestError() const { return ticks_ ? largest_ : kNan; }
+    double spread() const;  ///< RMS distance of the command from its mean place
+    double speedRms() const { return ticks_ > 1 ? calcRms(squaredSpeed_, ticks_ - 1) : 0.0; }  ///< [rad/s, m/s]
+    /** Of the command. */
+    double targetSpeedRms() const { return ticks_ > 1 ? calcRms(squaredTargetSpeed_, ticks_ - 1) : 0.0; }
     /** Of the sum of squared errors: the part while a limit of that kind acted on a joint, 0 to 1. A clearance counts for
     kWayBack_s more: an arm that was held off has its way back before it. */
     double share(LimitKind kind) const;
@@ -89,15 +86,17 @@ public:
     double swing() const { return swing_; }
 
 private:
+    static double calcRms(double squared, std::int64_t ticks) {
+        return ticks > 0 ? std::sqrt(squared / static_cast<double>(ticks)) : kNan;
+    }
     void addSwing(double error, bool isAtRest);
     void addCauses(double squaredError, unsigned acting, double tick_s);
 
     Point first_ = Point::Zero(), lastAt_ = first_, lastTarget_ = first_, sum_ = first_;
     double squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0, squaredTargetSpeed_ = 0.0;
-    std::int64_t ticks_ = 0;
+    std::int64_t ticks_ = 0, jumps_ = 0, moves_ = 0;
     bool isFirst_ = true;
     double jump_ = 0.0;
-    std::int64_t jumps_ = 0, moves_ = 0;
     double rested_s_ = 0.0, patience_s_ = 0.0, arrival_s_ = 0.0;  // of the command; left after a jump; after any motion
     Judged judged_, atRest_;
     std::array<double, kMostLimitKinds> squaredBy_{};
@@ -196,7 +195,7 @@ public:
 
     /** RMS over ticks and joints of nominal - commanded position, the command moved into the position limits [rad, m].
     Not a number without joint commands. */
-    double commandErrorRms() const;
+    double commandErrorRms() const { return Following::errorRms(following_); }
     /** RMS over ticks of the distance between the nominal tool and the commanded one [m]; not a number without tool
     commands. */
     double toolErrorRms() const { return tool_.errorRms(); }
@@ -209,7 +208,7 @@ public:
     /** Of a joint with joint commands; without ticks otherwise. */
     const Following& following(int joint) const { return following_[static_cast<std::size_t>(joint)]; }
     /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
-    double realCommandErrorRms() const;
+    double realCommandErrorRms() const { return Following::errorRms(realFollowing_); }
     void setTask(const ToolTask& task) { task_ = task; }
     const ToolTask& task() const { return task_; }
     /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3, m/s^3]. */
@@ -227,10 +226,10 @@ public:
     const StandstillRecord& standstill() const { return standstill_; }
 
     bool hasRealPlant() const { return hasRealPlant_; }
-    double trackingRms(int joint) const;  ///< of actual - nominal position [rad, m]
-    double trackingMax(int joint) const;  ///< [rad, m]
-    double trackingRms() const;           ///< over all joints
-    double trackingMax() const;
+    double trackingRms(int joint) const;                                  ///< of actual - nominal position [rad, m]
+    double trackingMax(int joint) const { return largestError_[joint]; }  ///< [rad, m]
+    double trackingRms() const;                                           ///< over all joints
+    double trackingMax() const { return largestError_.maxCoeff(); }
 
     const RealArmReference& reference() const { return reference_; }
     /** The real arm's position or velocity against its limits, one entry per joint. */
@@ -242,8 +241,8 @@ public:
     bool anyRealLimitBroken() const;
     /** Largest share of the tracking bound that actual - nominal position or velocity used; 0 without a bound. */
     double boundShare(LimitKind kind, int joint) const { return boundShare_[findReal(kind)][joint]; }
-    /** The joint whose position used the largest share of its bound. */
-    int worstBoundJoint() const;
+    /** The joint whose position or velocity used the largest share of its bound. */
+    int worstBoundJoint(LimitKind kind) const;
     const std::optional<TrackingTrip>& trip() const { return trip_; }
     /** Fastest joint of the real arm in the last tick [rad/s, m/s]. */
     double realEndSpeed() const { return realEndSpeed_; }
@@ -275,6 +274,8 @@ public:
     const LatencyHistogram& tickTime() const { return tickTime_; }
     const LatencyHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
     const std::vector<std::string>& jointNames() const { return jointNames_; }
+    const std::string& jointName(int joint) const { return jointNames_[static_cast<std::size_t>(joint)]; }
+    int size() const { return static_cast<int>(jointNames_.size()); }  ///< joints
     /** The joint's figures are in m and N, not in rad and Nm. */
     bool slides(int joint) const { return slides_[static_cast<std::size_t>(joint)]; }
 
@@ -315,11 +316,10 @@ private:
         double last = 0.0;  // given in the tick before
     };
     std::vector<MotorPeak> peaks_;
-    double realEndSpeed_ = 0.0;
+    double realEndSpeed_ = 0.0, squaredJerk_ = 0.0;
     std::int64_t externalTorqueMissing_ = 0;
     std::optional<Touching> touching_;
     std::optional<Waiting> waiting_;
-    bool isTouching_ = false;
     std::array<std::int64_t, 8> statusTicks_{};  // by FilterStatus
     /** Of one joint: by kind and side, and what acted in the tick before. */
     struct Acting {
@@ -346,15 +346,13 @@ private:
     ToolTask task_;
     Pose commandOrigin_, toolOrigin_;  // where both were first
     unsigned actingKinds_ = 0;         // in this tick
-    double squaredJerk_ = 0.0;
-    bool broken_ = false;
+    bool broken_ = false, isTouching_ = false;
     std::vector<LimitAccount> accounts_;
     StandstillRecord standstill_;
     std::int64_t standingTicks_ = 0;  ///< in a row
     double standingSince_s_ = 0.0;
     void addStandstill(const TickRecord& record);
-    std::int64_t ticks_ = 0;
-    std::int64_t substituted_ = 0;
+    std::int64_t ticks_ = 0, substituted_ = 0;
     JointVector squaredError_, largestError_;
     std::int64_t readings_ = 0;  // of the real arm
     LatencyHistogram tickTime_;

@@ -14,14 +14,8 @@ using S = const Summary&;
 bool hasRealArm(R r) {
     return r.summary.hasRealPlant();
 }
-bool hasBound(R r) {
-    return r.summary.reference().bound.has_value();
-}
 bool hasTripped(R r) {
     return r.summary.trip().has_value();
-}
-const LimitAccount* findAccount(R r, LimitKind kind) {
-    return r.summary.account(kind);
 }
 
 template <class Value>
@@ -78,7 +72,7 @@ public:
     void addExtreme(const char* block, const char* key, const ExtremeRecord& (Summary::*get)() const) {
         begin(block);
         add(key, [get](S s) { return (s.*get)().value; });
-        add("joint", [get](S s) { return s.jointNames()[static_cast<std::size_t>((s.*get)().joint)]; });
+        add("joint", [get](S s) { return s.jointName((s.*get)().joint); });
         add("time_s", [get](S s) { return (s.*get)().time_s; });
     }
 
@@ -128,7 +122,7 @@ void addArmLimit(Table& t, LimitKind kind) {
     const LimitRow& row = getLimitRow(kind);
     for (const bool isReal : {false, true}) {
         t.begin(row.block + (isReal ? ".real." : ".nominal."), [=](R r) {
-            const LimitAccount* account = findAccount(r, kind);
+            const LimitAccount* account = r.summary.account(kind);
             return account && (!isReal || account->real);
         });
         for (const LimitFigure& figure : row.figures) {
@@ -143,12 +137,11 @@ void addArmLimit(Table& t, LimitKind kind) {
                 column.horizon = row.horizon;  // a store holds finite numbers
         }
     }
-    t.begin(row.block + ".", [=](R r) { return findAccount(r, kind) != nullptr; });
+    t.begin(row.block + ".", [=](R r) { return r.summary.account(kind) != nullptr; });
     if (!row.limitKey.empty()) t.add(row.limitKey, [=](S s) { return toJson(s.account(kind)->limit); });
     if (!row.watchesPeople) return;
-    t.add("resting_s", [=](S s) {
-         return s.account(kind)->resting_s;
-     }).column(row.columnBlock + ".resting_s", "s", "At rest because of people");
+    t.add("resting_s", [=](S s) { return s.account(kind)->resting_s; });
+    t.column(row.columnBlock + ".resting_s", "s", "At rest because of people");
     t.add("contact_speeds_mps", [=](S s) {
         json speeds = json::object();
         for (const auto& [name, speed] : s.account(kind)->allowances) speeds[name] = speed;
@@ -186,48 +179,38 @@ std::vector<SummaryFigure> makeFigures() {
     real("ticks_outside", &LimitRecord::ticksOutside);
 
     t.begin("tracking.", hasRealArm);
-    t.add("max_rad", [](S s) {
-         return s.trackingMax();
-     }).column("tracking.max_rad", "rad", "Largest distance of the real arm from the nominal one");
-    t.add("rms_rad", [](S s) {
-         return s.trackingRms();
-     }).column("tracking.rms_rad", "rad", "RMS distance of the real arm from the nominal one");
-    t.add("joints.<joint>.max_rad", [](S s, int i) {
-         return s.trackingMax(i);
-     }).column("tracking.<joint>.max_rad", "rad", "Largest distance from the nominal arm");
+    t.add("max_rad", [](S s) { return s.trackingMax(); });
+    t.column("tracking.max_rad", "rad", "Largest distance of the real arm from the nominal one");
+    t.add("rms_rad", [](S s) { return s.trackingRms(); });
+    t.column("tracking.rms_rad", "rad", "RMS distance of the real arm from the nominal one");
+    t.add("joints.<joint>.max_rad", [](S s, int i) { return s.trackingMax(i); });
+    t.column("tracking.<joint>.max_rad", "rad", "Largest distance from the nominal arm");
     t.add("joints.<joint>.rms_rad", [](S s, int i) { return s.trackingRms(i); });
-    t.begin("bound.", hasBound);
-    t.add("joints.<joint>.worst_position_share", [](S s, int i) {
-         return s.boundShare(LimitKind::Position, i);
-     }).column("bound.share", "", "Largest share of the tracking bound used", Over::Largest);
-    t.add("joints.<joint>.worst_velocity_share", [](S s, int i) {
-         return s.boundShare(LimitKind::Velocity, i);
-     }).column("bound.velocity_share", "", "Largest share of its rate's bound used", Over::Largest);
+    t.begin("bound.", [](R r) { return r.summary.reference().bound.has_value(); });
+    t.add("joints.<joint>.worst_position_share", [](S s, int i) { return s.boundShare(LimitKind::Position, i); });
+    t.column("bound.share", "", "Largest share of the tracking bound used", Over::Largest);
+    t.add("joints.<joint>.worst_velocity_share", [](S s, int i) { return s.boundShare(LimitKind::Velocity, i); });
+    t.column("bound.velocity_share", "", "Largest share of its rate's bound used", Over::Largest);
     t.add("joints.<joint>.position_rad", [](S s, int i) { return s.reference().bound->position[i]; });
     t.add("joints.<joint>.velocity_radps", [](S s, int i) { return s.reference().bound->velocity[i]; });
     t.add("joints.<joint>.measured_rad", [](S s, int i) { return s.reference().bound->measured[i]; });
-    t.add("worst_share", [](S s) { return s.boundShare(LimitKind::Position, s.worstBoundJoint()); });
-    t.add("worst_joint", [](S s) { return s.jointNames()[static_cast<std::size_t>(s.worstBoundJoint())]; });
+    t.add("worst_share", [](S s) { return s.boundShare(LimitKind::Position, s.worstBoundJoint(LimitKind::Position)); });
+    t.add("worst_joint", [](S s) { return s.jointName(s.worstBoundJoint(LimitKind::Position)); });
     t.begin("motors.", hasRealArm);
-    t.add("<joint>.worst_use", [](S s, int i) {
-         return s.motor(i).worstUse;
-     }).column("motor.worst_use", "", "Largest share of a motor's torque used", Over::Largest);
-    t.add("<joint>.worst_added", [](S s, int i) {
-         return s.motor(i).worstAdded;
-     }).column("motor.worst_added", "", "Largest share of a motor's torque added by the robust loop", Over::Largest);
-    t.add("<joint>.ticks_saturated", [](S s, int i) {
-         return s.motor(i).ticksSaturated;
-     }).column("motor.saturated_ticks", "", "Joint-ticks with a motor at its limit", Over::Sum);
+    t.add("<joint>.worst_use", [](S s, int i) { return s.motor(i).worstUse; });
+    t.column("motor.worst_use", "", "Largest share of a motor's torque used", Over::Largest);
+    t.add("<joint>.worst_added", [](S s, int i) { return s.motor(i).worstAdded; });
+    t.column("motor.worst_added", "", "Largest share of a motor's torque added by the robust loop", Over::Largest);
+    t.add("<joint>.ticks_saturated", [](S s, int i) { return s.motor(i).ticksSaturated; });
+    t.column("motor.saturated_ticks", "", "Joint-ticks with a motor at its limit", Over::Sum);
     t.add("<joint>.ticks_rate_limited", [](S s, int i) { return s.motor(i).ticksRateLimited; });
     t.add("<joint>.worst_time_s", [](S s, int i) { return s.motor(i).worstTime_s; });
 
     t.begin("contact.", [](R r) { return r.summary.touching().has_value(); });
-    t.add("peak_N", [](S s) {
-         return s.touching()->peak.pressing;
-     }).column("contact.peak_N", "N", "Largest force that the real arm presses with", Over::Largest);
-    t.add("ticks", [](S s) {
-         return s.touching()->ticks;
-     }).column("contact.ticks", "", "Ticks in which the real arm touches something", Over::Sum);
+    t.add("peak_N", [](S s) { return s.touching()->peak.pressing; });
+    t.column("contact.peak_N", "N", "Largest force that the real arm presses with", Over::Largest);
+    t.add("ticks", [](S s) { return s.touching()->ticks; });
+    t.column("contact.ticks", "", "Ticks in which the real arm touches something", Over::Sum);
     t.add("touches", [](S s) { return s.touching()->touches; });
     t.add("last_N", [](S s) { return s.touching()->last; });
     t.add("peak_s", [](S s) { return onlyIf(s.touching()->ticks > 0, s.touching()->peak_s); });
@@ -239,9 +222,8 @@ std::vector<SummaryFigure> makeFigures() {
     });
 
     t.begin("touch.", [](R r) { return r.summary.waiting().has_value(); });
-    t.add("ticks", [](S s) {
-         return s.waiting()->ticks;
-     }).column("touch.ticks", "", "Ticks in which the nominal arm waits for a tool that is held", Over::Sum);
+    t.add("ticks", [](S s) { return s.waiting()->ticks; });
+    t.column("touch.ticks", "", "Ticks in which the nominal arm waits for a tool that is held", Over::Sum);
     t.add("force_N", [](S s) { return s.waiting()->force; });
     t.add("first_s", [](S s) { return onlyIf(s.waiting()->ticks > 0, s.waiting()->first_s); });
     t.add("mean_N", [](S s) { return onlyIf(s.waiting()->ticks > 0, s.waiting()->mean()); });
@@ -252,12 +234,10 @@ std::vector<SummaryFigure> makeFigures() {
     t.begin("");
     t.add("standstill_s", [](S s) { return s.standstill().total_s; });
     t.add("longest_standstill_s", [](S s) { return s.standstill().longest_s; });
-    t.add("infeasible_ticks", [](S s) {
-         return s.ticksWith(FilterStatus::Infeasible);
-     }).column("infeasible_ticks", "", "Ticks without an admissible choice");
-    t.add("", [](R r) {
-         return onlyIf(r.exitCode() == static_cast<int>(ErrorKind::TrackingLost), r.stopTime_s);
-     }).column("tripped_at_s", "s", "When the real arm left the bound and was braked");
+    t.add("infeasible_ticks", [](S s) { return s.ticksWith(FilterStatus::Infeasible); });
+    t.column("infeasible_ticks", "", "Ticks without an admissible choice");
+    t.add("", [](R r) { return onlyIf(r.exitCode() == static_cast<int>(ErrorKind::TrackingLost), r.stopTime_s); });
+    t.column("tripped_at_s", "s", "When the real arm left the bound and was braked");
     t.add("simulated_s", &CaseResult::simulated_s).column("simulated_s", "s", "Length of the run");
     t.add("wall_s", &CaseResult::wall_s);
     t.add("limits_kept", [](S s) { return !s.anyLimitBroken() && !s.endsOutside(); });
@@ -279,30 +259,26 @@ std::vector<SummaryFigure> makeFigures() {
         .column("command_error.rms_rad", "rad", "RMS distance of the nominal joints to those commanded");
     t.add("command_error_max_rad", [](S s) {
         double largest = kNan;
-        for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
-            largest = std::fmax(largest, s.following(i).largestError());
+        for (int i = 0; i < s.size(); ++i) largest = std::fmax(largest, s.following(i).largestError());
         return largest;
     });
     t.add("real_command_error_rms_rad", &Summary::realCommandErrorRms)
         .column("real.command_error.rms_rad", "rad", "RMS distance of the real joints to those commanded");
     t.add("tool_error_rms_m", &Summary::toolErrorRms)
         .column("tool_error.rms_m", "m", "RMS distance of the nominal tool to the one commanded");
-    t.add("tool_error_max_m", [](S s) {
-         return s.tool().largestError();
-     }).column("tool_error.max_m", "m", "Largest distance of the nominal tool to the one commanded");
-    t.add("tool_error_rms_rad", [](S s) {
-         return s.turn().errorRms();
-     }).column("tool_error.rms_rad", "rad", "RMS angle between the nominal tool and the one commanded");
-    t.add("real_tool_error_rms_m", [](S s) {
-         return s.realTool().errorRms();
-     }).column("real.tool_error.rms_m", "m", "RMS distance of the real tool to the one commanded");
+    t.add("tool_error_max_m", [](S s) { return s.tool().largestError(); });
+    t.column("tool_error.max_m", "m", "Largest distance of the nominal tool to the one commanded");
+    t.add("tool_error_rms_rad", [](S s) { return s.turn().errorRms(); });
+    t.column("tool_error.rms_rad", "rad", "RMS angle between the nominal tool and the one commanded");
+    t.add("real_tool_error_rms_m", [](S s) { return s.realTool().errorRms(); });
+    t.column("real.tool_error.rms_m", "m", "RMS distance of the real tool to the one commanded");
     t.add("real_tool_error_max_m", [](S s) { return s.realTool().largestError(); });
     t.add("real_tool_error_rms_rad", [](S s) { return s.realTurn().errorRms(); });
     t.add("jerk_rms_radps3", &Summary::jerkRms).column("jerk.rms_radps3", "rad/s^3", "RMS jerk of the nominal joints");
     t.add("chatter", &Summary::chatter);
     t.add("tripped", [](R r) { return hasTripped(r) || r.stopReason == StopReason::NotFollowing; });
     t.begin("trip.", hasTripped);
-    t.add("joint", [](S s) { return s.jointNames()[static_cast<std::size_t>(s.trip()->joint)]; });
+    t.add("joint", [](S s) { return s.jointName(s.trip()->joint); });
     t.add("time_s", [](S s) { return s.trip()->time_s; });
     t.add("error_rad", [](S s) { return s.trip()->error; });
     t.add("bound_rad", [](S s) { return s.trip()->bound; });
@@ -330,7 +306,7 @@ std::vector<SummaryFigure> makeFigures() {
 json SummaryFigure::getColumn(const CaseResult& result, int joint) const {
     if (!exists(result)) return nullptr;
     json value = over == Over::None ? get(result, joint) : json(nullptr);
-    for (int i = 0; over != Over::None && i < static_cast<int>(result.summary.jointNames().size()); ++i) {
+    for (int i = 0; over != Over::None && i < result.summary.size(); ++i) {
         const json own = get(result, i);
         if (over == Over::Sum)
             value = (value.is_null() ? 0 : value.get<std::int64_t>()) + own.get<std::int64_t>();

@@ -5,8 +5,8 @@
 #include "core/Text.h"
 #include "host/WatchedLimit.h"
 #include "summary/CaseResult.h"
+#include "summary/Sliding.h"
 #include "summary/SummaryFigures.h"
-#include "viable/core/Numbers.h"
 
 namespace viable {
 
@@ -49,21 +49,6 @@ std::int64_t countOutside(const Summary& s) {
     std::int64_t outside = 0;
     for (LimitKind kind : kNominalKinds) outside += s.ticksOutside(kind);
     return outside;
-}
-
-/** Which of an arm's joints slide: what is of all of them has more than one unit where only some do. */
-enum class Sliding : unsigned char { None, Some, All };
-
-Sliding findSliding(const Summary& s) {
-    int count = 0;
-    const int n = static_cast<int>(s.jointNames().size());
-    for (int i = 0; i < n; ++i) count += s.slides(i);
-    return count == 0 ? Sliding::None : count == n ? Sliding::All : Sliding::Some;
-}
-
-/** A word for all joints together. */
-const char* choose(Sliding sliding, const char* none, const char* some, const char* all) {
-    return sliding == Sliding::None ? none : sliding == Sliding::All ? all : some;
 }
 
 /** The joint with the largest `value` among those with a limit that slide, or do not; -1: there is none. */
@@ -133,7 +118,7 @@ std::string formatLimit(const Summary& s, LimitKind kind) {
     const int joint = s.worstJoint(kind);
     const LimitRecord& worst = s.limit(kind)[joint];
     text += format("worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s",
-                   formatPercent(worst.worstUse).c_str(), s.jointNames()[joint].c_str(), worst.worstTime_s,
+                   formatPercent(worst.worstUse).c_str(), s.jointName(joint).c_str(), worst.worstTime_s,
                    static_cast<long long>(s.ticksOutside(kind)),
                    formatWorst(s, s.limit(kind), kind, &LimitRecord::worstExcess, formatDistance).c_str());
     std::int64_t recovering = 0;
@@ -185,9 +170,9 @@ std::string formatStops(const Summary& s) {
     if (std::isfinite(s.worstMargin().value))
         text += format("least margin %s %s (%s at %.3f s), ", formatDistance(s.worstMargin().value).c_str(),
                        getUnit(LimitKind::Position, s.slides(s.worstMargin().joint)),
-                       s.jointNames()[static_cast<std::size_t>(s.worstMargin().joint)].c_str(), s.worstMargin().time_s);
-    text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value,
-                   s.jointNames()[static_cast<std::size_t>(s.longestStop().joint)].c_str(), s.longestStop().time_s);
+                       s.jointName(s.worstMargin().joint).c_str(), s.worstMargin().time_s);
+    text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value, s.jointName(s.longestStop().joint).c_str(),
+                   s.longestStop().time_s);
     if (s.unviableTicks() > 0)
         text += format(", unviable ticks %lld (first at %.3f s)", static_cast<long long>(s.unviableTicks()),
                        s.firstUnviable_s());
@@ -218,7 +203,7 @@ std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>&
             if (worst < 0 || records[worst].ticksOutside == 0) continue;
             addItem(text, std::string(getName(kind, LimitSide::Neither)) + " by " +
                               formatPlain(records[worst].worstExcess) + " " + getUnit(kind, slides) + " (" +
-                              s.jointNames()[static_cast<std::size_t>(worst)] + ")");
+                              s.jointName(worst) + ")");
         }
     }
     return text;
@@ -234,12 +219,6 @@ std::string formatRealVerdict(const CaseResult& r) {
            (r.guarantees.hasJoints() ? " (guaranteed as long as the disturbances are within their set; of its "
                                        "acceleration and jerk nothing is)"
                                      : " (of which the filter guarantees nothing)");
-}
-
-std::string formatShortcomings(const CaseResult& r) {
-    std::string text;
-    for (const std::string& shortcoming : findProblems(r)) text += "; " + shortcoming;
-    return text;
 }
 
 /** How far from its command each arm was. */
@@ -260,7 +239,7 @@ std::string formatCommandErrors(const CaseResult& r) {
         const Sliding sliding = findSliding(s);
         const double unit = sliding == Sliding::None ? kDegree : 1e-3;
         const char* const name = choose(sliding, "degrees", "mrad and mm", "mm");
-        const int n = static_cast<int>(s.jointNames().size());
+        const int n = s.size();
         int farthest = 0;
         std::string joints;
         for (int i = 0; i < n; ++i) {
@@ -268,8 +247,7 @@ std::string formatCommandErrors(const CaseResult& r) {
             joints += format("  %.3g / %.3g", s.following(i).errorRms() / unit, s.following(i).asked() / unit);
         }
         text += format(" nominal joints %.4g %s RMS, at most %.4g (%s)", s.commandErrorRms() / unit, name,
-                       s.following(farthest).largestError() / unit,
-                       s.jointNames()[static_cast<std::size_t>(farthest)].c_str());
+                       s.following(farthest).largestError() / unit, s.jointName(farthest).c_str());
         if (s.hasRealPlant()) text += format("; real joints %.4g %s RMS", s.realCommandErrorRms() / unit, name);
         text += format("\n  per joint     RMS error / what the command moves by [%s]", name) + joints;
     }
@@ -278,9 +256,8 @@ std::string formatCommandErrors(const CaseResult& r) {
 
 /** "the nominal arm collided: link4 ...". @param pattern  of the row, with the arm as %s */
 std::string tellBroken(LimitKind kind, const std::string& pattern, const char* arm, const ArmLimitRecord& record) {
-    std::string text = pattern;
-    if (const std::size_t at = text.find("%s"); at != std::string::npos) text.replace(at, 2, arm);
-    return text + tell(kind, &LimitRow::tellWorst, record) + (record.violatedTicks > 0 ? "" : ", no fault of the arm");
+    return detail::replaceAll(pattern, "%s", arm) + tell(kind, &LimitRow::tellWorst, record) +
+           (record.violatedTicks > 0 ? "" : ", no fault of the arm");
 }
 
 /** Whether the arms kept a limit of theirs as a whole. */
@@ -341,9 +318,8 @@ constexpr double kRealRest = 0.01;
 std::string formatTrip(const Summary& s) {
     const TrackingTrip& trip = *s.trip();
     const char* const unit = getUnit(LimitKind::Position, s.slides(trip.joint));
-    std::string text =
-        format("  tripped       at %.4f s: %s measured %.4g %s from its nominal place, bound %.4g %s; ", trip.time_s,
-               s.jointNames()[static_cast<std::size_t>(trip.joint)].c_str(), trip.error, unit, trip.bound, unit);
+    std::string text = format("  tripped       at %.4f s: %s measured %.4g %s from its nominal place, bound %.4g %s; ",
+                              trip.time_s, s.jointName(trip.joint).c_str(), trip.error, unit, trip.bound, unit);
     const std::string passed = formatRealExcesses(s, &Summary::realStop);
     text += passed.empty() ? "the real arm stayed inside its position and velocity limits"
                            : "after it the real arm passed its limits: " + passed;
@@ -355,8 +331,7 @@ std::string formatTrip(const Summary& s) {
 
 /** The real arm against its limits, its bound and its motors. */
 std::string formatReal(const Summary& s) {
-    const auto name = [&](int joint) { return s.jointNames()[static_cast<std::size_t>(joint)].c_str(); };
-    const int n = static_cast<int>(s.jointNames().size());
+    const int n = s.size();
     std::string text;
     for (const LimitKind kind : kRealKinds) {
         const std::vector<LimitRecord>& records = s.realLimit(kind);
@@ -372,8 +347,8 @@ std::string formatReal(const Summary& s) {
         std::int64_t outside = 0;
         for (const LimitRecord& record : records) outside += record.ticksOutside;
         text += format("worst use %s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s\n",
-                       formatPercent(records[worst].worstUse).c_str(), name(worst), records[worst].worstTime_s,
-                       static_cast<long long>(outside),
+                       formatPercent(records[worst].worstUse).c_str(), s.jointName(worst).c_str(),
+                       records[worst].worstTime_s, static_cast<long long>(outside),
                        formatWorst(s, records, kind, &LimitRecord::worstExcess, formatDistance).c_str());
     }
     if (s.reference().bound) {
@@ -412,13 +387,12 @@ std::string formatReal(const Summary& s) {
                 peak.pressing, touching->peak_s, 1e3 * peak.depth, touching->last);
     }
     if (s.waiting())
-        text += s.waiting()->ticks == 0
-                    ? "  held          never: the tool met nothing that holds it\n"
-                    : format(
-                          "  held          the nominal arm waited for the tool in %lld ticks, first at %.3f s; it "
-                          "pressed with %.3g N in the mean, %.3g N asked for\n",
-                          static_cast<long long>(s.waiting()->ticks), s.waiting()->first_s, s.waiting()->mean(),
-                          s.waiting()->force);
+        text += s.waiting()->ticks == 0 ? "  held          never: the tool met nothing that holds it\n"
+                                        : format(
+                                              "  held          the nominal arm waited for the tool in %lld ticks, "
+                                              "first at %.3f s; it pressed with %.3g N in the mean, %.3g N asked for\n",
+                                              static_cast<long long>(s.waiting()->ticks), s.waiting()->first_s,
+                                              s.waiting()->mean(), s.waiting()->force);
     if (s.externalTorqueMissing() > 0)
         text += format("  external      %lld ticks without a usable external torque\n",
                        static_cast<long long>(s.externalTorqueMissing()));
@@ -516,7 +490,7 @@ std::string tellFollowing(const Summary& s) {
     int worst = -1;
     double most = -1.0;
     bool jumps = false;
-    for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i) {
+    for (int i = 0; i < s.size(); ++i) {
         const Following& f = s.following(i);
         jumps |= f.jumps();
         const double share = f.judged().rms(s.tick_s()) / f.asked();
@@ -530,7 +504,7 @@ std::string tellFollowing(const Summary& s) {
     const auto show = [&](double x) {
         return (x < 1e-6 ? "< 0.001" : formatPlain(1e3 * x)) + (s.slides(worst) ? " mm" : " mrad");
     };
-    return text + (jumps ? "; after them " : "; ") + s.jointNames()[static_cast<std::size_t>(worst)] +
+    return text + (jumps ? "; after them " : "; ") + s.jointName(worst) +
            " was farthest from it: " + show(f.judged().rms(s.tick_s())) + ", RMS, where the command itself moves by " +
            show(f.asked());
 }
@@ -840,7 +814,8 @@ std::string formatVerdict(const CaseResult& r) {
     for (const LimitKind kind : listArmLimits())
         if (const LimitRow& row = getLimitRow(kind); r.guarantees.has(kind) && !r.summary.account(kind) && !row.isSlow)
             text += "; " + row.guarantee + " guaranteed, but not judged";
-    return text + formatShortcomings(r);
+    for (const std::string& problem : findProblems(r)) text += "; " + problem;
+    return text;
 }
 
 std::string formatBreach(const CaseResult& r) {
@@ -880,11 +855,11 @@ std::string formatDetails(const CaseResult& r) {
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
                        static_cast<long long>(s.substitutedTicks()));
     if (r.margins)
-        text += "  robust loop   margin " + formatMargins(*r.margins) + ", least at " +
-                s.jointNames()[static_cast<std::size_t>(r.margins->joint)] + "\n";
+        text += "  robust loop   margin " + formatMargins(*r.margins) + ", least at " + s.jointName(r.margins->joint) +
+                "\n";
     if (s.hasRealPlant()) {
         text += "  real-nominal  RMS / max per joint [mrad]";
-        for (int i = 0; i < static_cast<int>(s.jointNames().size()); ++i)
+        for (int i = 0; i < s.size(); ++i)
             text += "  " + formatMrad(s.trackingRms(i)) + " / " + formatMrad(s.trackingMax(i));
         text += "\n" + formatReal(s);
         if (s.trip()) text += formatTrip(s);

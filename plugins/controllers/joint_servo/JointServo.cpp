@@ -18,8 +18,7 @@ struct JointServoOptions {
           "set-point.");
         v(share, "share", "",
           "Share of acceleration and jerk limits for the motion relative to the set-point; the rest is for the "
-          "set-point's "
-          "own. 1 suits set-points that jump and rest.")
+          "set-point's own. 1 suits set-points that jump and rest.")
             .above(0)
             .upTo(1);
         v(keepsClear, "keeps_clear",
@@ -59,15 +58,12 @@ TickStatus JointServo::compute(const ControllerInput& input, ControllerOutput& o
     }
     target_.qdd.setZero(n_);
     if (feedforward_) {
-        if (hasTarget_) {
-            for (int i = 0; i < n_; ++i) {
-                const double qdd = (command.qd[i] - target_.qd[i]) / tick_s_, jump = (qdd - lastRate_[i]) / tick_s_;
-                // Only of set-points that move smoothly: a velocity that comes in steps tells no acceleration.
-                if (jump >= limits_.jerk.lower[i] && jump <= limits_.jerk.upper[i]) target_.qdd[i] = qdd;
-                lastRate_[i] = qdd;
-            }
-        } else {
-            lastRate_.setZero(n_);
+        if (!hasTarget_) lastRate_.setZero(n_);
+        for (int i = 0; hasTarget_ && i < n_; ++i) {
+            const double qdd = (command.qd[i] - target_.qd[i]) / tick_s_, jump = (qdd - lastRate_[i]) / tick_s_;
+            // Only of set-points that move smoothly: a velocity that comes in steps tells no acceleration.
+            if (jump >= limits_.jerk.lower[i] && jump <= limits_.jerk.upper[i]) target_.qdd[i] = qdd;
+            lastRate_[i] = qdd;
         }
         target_.qd = command.qd;
         hasTarget_ = true;

@@ -16,13 +16,12 @@ struct ToolServoOptions {
     void describe(V& v) {
         follower.describe(v);
         v(rotationLength_m, "rotation_length_m", "m",
-          "An error of 1 rad counts as one of so many metres. 0: the mean lever arm of the joints at the start. It "
-          "is a fiftieth of that where they cannot move the tool in all six directions.")
+          "An error of 1 rad counts as one of so many metres. 0: the mean lever arm of the joints at the start. It is "
+          "a fiftieth of that where they cannot move the tool in all six directions.")
             .atLeast(0);
         v(keepsClear, "keeps_clear",
           "Do not lead the arm nearer to obstacles of the experiment, or to itself, than whole_arm_braking would; "
-          "false: it "
-          "knows nothing of them.");
+          "false: it knows nothing of them.");
         v(isRelative, "relative",
           "Follow the command's motion from where the tool is at the start (a clutch), not its pose.");
     }
@@ -69,10 +68,7 @@ TickStatus ToolServo::compute(const ControllerInput& input, ControllerOutput& ou
         !isFinite(dynamics, n_))
         return TickStatus::InvalidInput;
     if (tick.missed > 0) follower_.skipTicks(tick.missed);
-    if (!hasOrigin_) {
-        origin_ = pose;
-        hasOrigin_ = true;
-    }
+    if (!std::exchange(hasOrigin_, true)) origin_ = pose;
     follower_.calc(nominal, place(pose), surroundings_ ? surroundings_->view().surroundings : nullptr, tick.time_s,
                    jerk_);
     askForJerk(input, jerk_, output);

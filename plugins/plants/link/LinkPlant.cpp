@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/Text.h"
 #include "viable/plugin/HostServices.h"
 #include "viable/plugin/PluginExport.h"
 
@@ -43,28 +44,8 @@ std::int64_t toNanoseconds(double seconds) {
     return static_cast<std::int64_t>(seconds * 1e9);
 }
 
-std::string formatTorques(const JointVector& v) {
-    std::string text = "[";
-    for (Eigen::Index i = 0; i < v.size(); ++i) {
-        char number[32];
-        std::snprintf(number, sizeof number, "%s%.3g", i ? ", " : "", v[i]);
-        text += number;
-    }
-    return text + "]";
-}
-
 std::string formatShort(double value) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%.4g", value);
-    return number;
-}
-
-vl_key readKey(const std::string& file, const std::string& place) {
-    vl_key key{};
-    char error[256];
-    if (!file.empty() && vl_key_from_file(file.c_str(), &key, error, sizeof error) != 0)
-        throw badInput(place, file + ": " + error);
-    return key;
+    return detail::format("%.4g", value);
 }
 
 }  // namespace
@@ -93,10 +74,6 @@ bool ClockWatch::isWrong() const {
     return wrongWindows_ >= kClockWindows;
 }
 
-LinkPlant::~LinkPlant() {
-    disconnect();
-}
-
 void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
     robot_ = &setup.robot;
     n_ = setup.size();
@@ -110,7 +87,11 @@ void LinkPlant::configure(const RunSetup& setup, const Parameters& parameters) {
             throw badInput(place_, "'" + options_.address + "' is no address of a robot",
                            "Write numbers, as 127.0.0.1:47100 or \"[::1]:47100\", or shm:NAME for shared memory.");
     }
-    key_ = readKey(options_.keyFile.string(), parameters.place("key_file"));
+    key_ = {};
+    char error[256];
+    const std::string file = options_.keyFile.string();
+    if (!file.empty() && vl_key_from_file(file.c_str(), &key_, error, sizeof error) != 0)
+        throw badInput(parameters.place("key_file"), file + ": " + error);
 
     const JointFriction& friction = setup.robot.actuation.friction;
     if (options_.addsFriction && (friction.coulomb.maxCoeff() > 0.0 || friction.viscous.maxCoeff() > 0.0))
@@ -168,11 +149,10 @@ void LinkPlant::refuseSilence() const {
                "Give both sides the same key (key_file), or none to both of them.");
     if (counts[VL_INVALID] > counts[VL_GOOD]) refuse(kAbsurd, kAbsurdRemedy);
     if (counts[VL_GOOD] > 0 && host_.is_connected)
-        refuse(
-            "does not come to rest: its joints move with up to " +
-                formatShort(restVelocities_.lpNorm<Eigen::Infinity>()) + " rad/s in the mean",
-            "A run begins at rest: see what moves the robot, or raise rest_velocity_radps where its sensors are that "
-            "noisy.");
+        refuse("does not come to rest: its joints move with up to " +
+                   formatShort(restVelocities_.lpNorm<Eigen::Infinity>()) + " rad/s in the mean",
+               "A run begins at rest: see what moves the robot, or raise rest_velocity_radps where its sensors are "
+               "that noisy.");
     if (counts[VL_GOOD] > 0)
         refuse("sends states but takes no commands", "See what its driver says of the packets that it drops.");
     refuse("does not answer (tried for " + formatShort(options_.connectTimeout_s) + " s)",
@@ -282,8 +262,7 @@ const char* LinkPlant::findTrouble() const {
     if (!(flags & VL_ENABLED)) return "its motors are not enabled; see at the robot what switched them off";
     if (flags & VL_LAPSED)
         return "it missed commands for longer than repeat_ticks, and holds itself; see what kept this program or the "
-               "line, "
-               "or raise repeat_ticks";
+               "line, or raise repeat_ticks";
     if (((flags & VL_ADDS_GRAVITY) != 0) != options_.addsGravity)
         return "what it adds for gravity is not as adds_gravity says any more; see what changed it at the robot";
     if (((flags & VL_ADDS_FRICTION) != 0) != options_.addsFriction)
@@ -306,11 +285,10 @@ const char* LinkPlant::checkAge() noexcept {
     ages_ = 0;
     ageTicks_ = 0;
     if (mean <= options_.delayTicks + std::max<double>(kSpareDelay, 0.5 * options_.delayTicks)) return nullptr;
-    std::snprintf(
-        why_, sizeof why_,
-        "its torques answer states of %.1f ticks before in the mean of %d, and the gains reckon with delay_ticks: "
-        "%d; see what the line loses and what slows this computer, or raise delay_ticks",
-        mean, kClockStates, options_.delayTicks);
+    std::snprintf(why_, sizeof why_,
+                  "its torques answer states of %.1f ticks before in the mean of %d, and the gains reckon with "
+                  "delay_ticks: %d; see what the line loses and what slows this computer, or raise delay_ticks",
+                  mean, kClockStates, options_.delayTicks);
     return why_;
 }
 
@@ -330,11 +308,10 @@ const char* LinkPlant::checkFollowing() noexcept {
     }
     if (hasFollowed_) return "it holds itself and follows no torque any more; see what its driver says";
     if (++holdingTicks_ <= mostUnderWay_ + kMostHolding) return nullptr;
-    std::snprintf(
-        why_, sizeof why_,
-        "it takes no torque, %llu ticks after the first one: they are lost, or come later than repeat_ticks: %d "
-        "allows; see the line, or raise repeat_ticks",
-        static_cast<unsigned long long>(holdingTicks_), options_.repeats);
+    std::snprintf(why_, sizeof why_,
+                  "it takes no torque, %llu ticks after the first one: they are lost, or come later than repeat_ticks: "
+                  "%d allows; see the line, or raise repeat_ticks",
+                  static_cast<unsigned long long>(holdingTicks_), options_.repeats);
     return why_;
 }
 
@@ -372,7 +349,8 @@ void LinkPlant::checkRobot(const MotionState& start) {
                    formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
                "Move the robot there, start where it stands (`viable live --from-here`), or write its pose as the "
                "start: {position_rad: " +
-                   formatTorques(state_.q) + "}. Where it stands there, the order or sign of its joints is another.");
+                   detail::formatList(state_.q) +
+                   "}. Where it stands there, the order or sign of its joints is another.");
     }
     checkRestTorque();
 }
@@ -390,8 +368,9 @@ void LinkPlant::checkRestTorque() {
         const double noise = std::isfinite(limit) ? kRestNoiseShare * limit : kRestNoise_Nm;
         const double tolerance = std::max(held + options_.torqueShare * largest, noise);
         if (std::abs(restTorques_[i] + (options_.addsGravity ? dynamics_.gravity[i] : 0.0)) > limit)
-            refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, beyond the torque_limit_Nm " +
-                       formatShort(limit) + " of " + robot_->joints[static_cast<std::size_t>(i)].name,
+            refuse("carries its arm at rest with " + detail::formatList(restTorques_) +
+                       " Nm, beyond the torque_limit_Nm " + formatShort(limit) + " of " +
+                       robot_->joints[static_cast<std::size_t>(i)].name,
                    "Correct the limit in actuation.yaml: with it this arm cannot be held.");
         if (std::abs(restTorques_[i] - expected[i]) <= tolerance) continue;
         const char* const guess =
@@ -401,8 +380,8 @@ void LinkPlant::checkRestTorque() {
                 ? "It looks as if the robot added gravity itself: write adds_gravity: true, or see its driver. "
             : (restTorques_ + expected).norm() < 0.5 * expected.norm() ? "It looks as if its signs were reversed. "
                                                                        : "";
-        refuse("carries its arm at rest with " + formatTorques(restTorques_) + " Nm, and the model expects " +
-                   formatTorques(expected) + " Nm" +
+        refuse("carries its arm at rest with " + detail::formatList(restTorques_) + " Nm, and the model expects " +
+                   detail::formatList(expected) + " Nm" +
                    (options_.addsGravity ? " beside what the robot adds for gravity" : "") + " (" +
                    robot_->joints[static_cast<std::size_t>(i)].name + " differs by more than " +
                    formatShort(tolerance) + ")",
@@ -463,11 +442,10 @@ TickStatus LinkPlant::read(std::int64_t& ticksPassed) {
         const double waited_s = 1e-9 * static_cast<double>(vl_now_ns() - begin_ns);
         char why[224];
         if (absurd > 0)
-            std::snprintf(
-                why, sizeof why,
-                "no usable state has come for %.3g s, but %llu with numbers that are not finite or that no arm "
-                "has; see what its driver writes into q, qd, tau, external and echo",
-                waited_s, static_cast<unsigned long long>(absurd));
+            std::snprintf(why, sizeof why,
+                          "no usable state has come for %.3g s, but %llu with numbers that are not finite or that no "
+                          "arm has; see what its driver writes into q, qd, tau, external and echo",
+                          waited_s, static_cast<unsigned long long>(absurd));
         else
             std::snprintf(why, sizeof why, "no state has come for %.3g s; see that it and the line are up",
                           options_.silenceTimeout_s);
@@ -497,7 +475,7 @@ TickStatus LinkPlant::advance(const JointVector& torque, JointVector& applied) {
 
 }  // namespace viable
 
-VIABLE_PLUGIN(viable::RealPlant, viable::LinkPlant, "link",
-              "A robot in another process or computer, over viable_link.h (UDP or shared memory); its packets make the "
-              "ticks.",
-              viable::LinkPlantOptions)
+VIABLE_PLUGIN(
+    viable::RealPlant, viable::LinkPlant, "link",
+    "A robot in another process or computer, over viable_link.h (UDP or shared memory); its packets make the ticks.",
+    viable::LinkPlantOptions)

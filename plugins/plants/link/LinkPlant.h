@@ -25,8 +25,7 @@ struct LinkPlantOptions {
             .required();
         v(keyFile, "key_file",
           "32 hexadecimal digits that the robot knows, too; packets of others are then dropped. None, or an empty "
-          "name: "
-          "whoever reaches the robot can command it.");
+          "name: whoever reaches the robot can command it.");
         v(addsGravity, "adds_gravity",
           "The robot adds the torque that holds the arm against gravity: it is sent the rest, and measures so.");
         v(addsFriction, "adds_friction",
@@ -44,8 +43,7 @@ struct LinkPlantOptions {
             .orInfinite();
         v(blend_s, "blend_s", "s",
           "The first torque is what the robot has held its arm with; by what that differs from the model's fades in "
-          "this "
-          "time.")
+          "this time.")
             .above(0)
             .upTo(30);
         v(connectTimeout_s, "connect_timeout_s", "s", "How long the robot is called before a run is refused.")
@@ -98,7 +96,7 @@ is dropped and counted; a robot that is silent, brakes, holds itself, reports a 
 Real time: read(), advance() and measured() allocate, lock and throw nothing. read() waits up to silence_timeout_s. */
 class LinkPlant : public RealPlant {
 public:
-    ~LinkPlant() override;
+    ~LinkPlant() override { disconnect(); }
 
     /** Throws Error (BadInput) for an address, a key or a start that cannot be used. */
     void configure(const RunSetup& setup, const Parameters& parameters) override;

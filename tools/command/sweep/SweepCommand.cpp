@@ -178,10 +178,9 @@ int mergeShards(const CommandArguments& arguments) {
             if (isNew) continue;
             for (std::size_t i = 0; i < rows.size(); ++i)
                 if (rows[i].caseName != others[i].caseName || !areSame(plan, rows[i], others[i]))
-                    throw badInput(folder,
-                                   "its run " + std::to_string(run) + " is another than in " + known->second.second,
-                                   "A run is the same wherever it is done: find out which folder is "
-                                   "wrong, and do it again.");
+                    throw badInput(
+                        folder, "its run " + std::to_string(run) + " is another than in " + known->second.second,
+                        "A run is the same wherever it is done: find out which folder is wrong, and do it again.");
         }
     }
     for (const auto& entry : runs) whole.add(entry.second.first);
@@ -219,16 +218,15 @@ void addSweepCommand(CLI::App& app, int& exitCode) {
     command->add_option("--jobs", arguments->jobs, "Runs at a time (default: one per core)")->check(CLI::Range(1, 256));
     command->add_option("--shard", arguments->shard,
                         "i/N: only the runs whose number modulo N is i, from 0; see --merge");
-    command->add_option("--out", arguments->out,
-                        "Folder for the table (default: runs/<file>-sweep-<seed>); runs that are "
-                        "there are not done again");
+    command->add_option(
+        "--out", arguments->out,
+        "Folder for the table (default: runs/<file>-sweep-<seed>); runs that are there are not done again");
     command->add_option("--set", sweep.overrides, "key.path=value, replaces an entry of the file")
         ->allow_extra_args(false);
     command->add_option("--case", sweep.cases, "Only this case (may be repeated)")->allow_extra_args(false);
     command
         ->add_option("--timeout", arguments->timeout_s,
-                     "Seconds that a case may take, or 20 times the median if that is more "
-                     "(default: 120)")
+                     "Seconds that a case may take, or 20 times the median if that is more (default: 120)")
         ->check(CLI::Range(0.01, 1e6));
     CLI::Option* again =
         command->add_flag("--again", arguments->again, "Do runs that crashed or took too long once more");

@@ -47,9 +47,9 @@ public:
             if (const char* text = library ? nullptr : dlerror()) reason = text;
         }
         if (!library)
-            throw badInput("viable sweep", "mpirun has started it, but viable_mpi.so cannot be opened: " + reason,
-                           "Install Open MPI (libopenmpi3; to build it: libopenmpi-dev), or share the "
-                           "runs with --shard.");
+            throw badInput(
+                "viable sweep", "mpirun has started it, but viable_mpi.so cannot be opened: " + reason,
+                "Install Open MPI (libopenmpi3; to build it: libopenmpi-dev), or share the runs with --shard.");
         find(library, begin_, "viable_mpi_begin");
         find(library, send_, "viable_mpi_send");
         find(library, receive_, "viable_mpi_receive");

@@ -44,8 +44,6 @@ public:
     explicit PipedProcess(const std::function<void(FrameReader& from, int to)>& live);
     /** Kills it. */
     ~PipedProcess();
-    PipedProcess(const PipedProcess&) = delete;
-    PipedProcess& operator=(const PipedProcess&) = delete;
 
     /** Messages that it wrote. */
     FrameReader& messages() { return messages_; }

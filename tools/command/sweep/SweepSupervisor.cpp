@@ -215,15 +215,10 @@ bool SweepSupervisor::tryAlone(std::int64_t run) {
                             "its process dies before the run has begun: " + describeDeath(status));
             continue;
         }
-        std::string message;
         const bool isOverdue = !process.overdue().empty();
-        if (isOverdue) {
-            message = "it took longer than --timeout allows";
-        } else {
-            message = shared_->trouble;
-            while (!message.empty() && (message.back() == ' ' || message.back() == '.')) message.pop_back();
-            if (message.empty()) message = describeDeath(status);
-        }
+        std::string message = isOverdue ? "it took longer than --timeout allows" : shared_->trouble;
+        while (!message.empty() && (message.back() == ' ' || message.back() == '.')) message.pop_back();
+        if (message.empty()) message = describeDeath(status);
         settle(
             task_.makeLostRow(run, slot.caseIndex, isOverdue ? SweepStatus::TimedOut : SweepStatus::Crashed, message));
     }

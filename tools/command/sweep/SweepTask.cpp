@@ -126,11 +126,7 @@ SweepRow SweepTask::makeRow(std::int64_t run, const std::string& name, SweepEnd 
 SweepRow SweepTask::makeLostRow(std::int64_t run, std::size_t index, SweepStatus status,
                                 const std::string& message) const {
     ConfigNode drawn = root_;
-    SweepEnd end;
-    end.status = status;
-    end.exitCode = static_cast<int>(ErrorKind::PluginFailed);
-    end.message = message;
-    end.wall_s = kNan;
+    const SweepEnd end{status, static_cast<int>(ErrorKind::PluginFailed), message, "", kNan};
     return makeRow(run, plan_.cases[index], end, resolveDraws(drawn, {arguments_.seed, run}), nullptr);
 }
 

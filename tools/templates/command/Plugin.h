@@ -9,9 +9,7 @@ class @CLASS@ : public viable::CommandSource {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;
-    viable::CommandTraits traits() const override {
-        return {viable::MotionCommand::Space::Joint};
-    }
+    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override;
 
 private:

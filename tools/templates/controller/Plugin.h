@@ -8,11 +8,9 @@ Method: tau_d = g(q) + K (q_command - q) - D qd. It need not know of any limit; 
 class @CLASS@ : public viable::NominalController {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
-    void reset(const viable::MotionState& start) override;
+    void reset(const viable::MotionState&) override {}  // nothing is remembered from tick to tick
     /** It follows commands of joints, not of the tool. */
-    viable::ControllerTraits traits() const override {
-        return {true, false};
-    }
+    viable::ControllerTraits traits() const override { return {true, false}; }
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override;
 
 private:

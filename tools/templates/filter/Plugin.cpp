@@ -24,8 +24,6 @@ void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters&
     upper_ = share * setup.limits.acceleration.upper;
 }
 
-void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
-
 viable::FilterStatus @CLASS@::filter(const viable::FilterInput& input, viable::FilterDecision& decision) {
     if (!isFinite(input, n_)) return viable::FilterStatus::InvalidInput;
     viable::JointVector acceleration;

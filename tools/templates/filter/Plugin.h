@@ -10,11 +10,9 @@ A law with one interval of jerks per joint is written with less: derive from via
 class @CLASS@ : public viable::SafetyFilter {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
-    void reset(const viable::MotionState& start) override;
+    void reset(const viable::MotionState&) override {}  // nothing is remembered from tick to tick
     /** It guarantees no set of limits that the host could hold it to. */
-    viable::FilterTraits traits() const override {
-        return {};
-    }
+    viable::FilterTraits traits() const override { return {}; }
     viable::FilterStatus filter(const viable::FilterInput& input, viable::FilterDecision& decision) override;
 
 private:

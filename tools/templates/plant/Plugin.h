@@ -3,8 +3,6 @@
 #include "viable/plugin/RealPlant.h"
 #include "viable/robot/RobotModel.h"
 
-#include <memory>
-
 /** The robot's own rigid-body model with viscous friction: the starting point for a plant of your own, be it another
 engine or the driver of a real arm.
 
@@ -14,12 +12,8 @@ class @CLASS@ : public viable::RealPlant {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
     void reset(const viable::MotionState& start) override;
-    const viable::JointState& measured() const override {
-        return state_;
-    }
-    const viable::JointState& actual() const override {
-        return state_;
-    }
+    const viable::JointState& measured() const override { return state_; }
+    const viable::JointState& actual() const override { return state_; }
     /** What measured() tells is the truth. Remove this where readings are counts of an encoder. */
     viable::PlantTraits traits() const override { return {viable::Encoder::Exact}; }
     viable::TickStatus advance(const viable::JointVector& torque, viable::JointVector& applied) override;

@@ -25,8 +25,6 @@ void @CLASS@::configure(const viable::RunSetup& setup, const viable::Parameters&
     damping_ = options.damping.expand(n_);
 }
 
-void @CLASS@::reset(const viable::MotionState&) {}  // nothing is remembered from tick to tick
-
 viable::TickStatus @CLASS@::compute(const viable::JointState& real, const viable::MotionState& nominal,
                                       const viable::JointVector& filterTorque, viable::JointVector& torque) {
     using viable::isFinite;

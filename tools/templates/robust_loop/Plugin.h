@@ -9,7 +9,7 @@ leaves an error behind. */
 class @CLASS@ : public viable::RobustLoop {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override;
-    void reset(const viable::MotionState& start) override;
+    void reset(const viable::MotionState&) override {}  // nothing is remembered from tick to tick
     viable::TickStatus compute(const viable::JointState& real, const viable::MotionState& nominal,
                                const viable::JointVector& filterTorque, viable::JointVector& torque) override;
 

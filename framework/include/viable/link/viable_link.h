@@ -407,11 +407,10 @@ static inline void vl_robot_release(vl_robot* r) {
 static inline vl_result vl_robot_check(vl_robot* r, const void* bytes, size_t size, uint64_t peer) {
     vl_command c;
     vl_session session;
-    vl_result result;
     uint64_t bit, chance = 0;
     const int is_first = !r->has_host;
     if (r->has_host && peer != r->peer) return VL_OTHER_SESSION; /* before any work is done for it */
-    result = vl_decode_command(bytes, size, &r->key, &c, &session);
+    const vl_result result = vl_decode_command(bytes, size, &r->key, &c, &session);
     if (result != VL_GOOD) return result;
     if (session.robot == 0) { /* hello */
         if (r->has_host) return session.host == r->session.host ? VL_OLD : VL_OTHER_SESSION;
@@ -559,9 +558,8 @@ static inline void vl_host_init(vl_host* h, int joints, double tick_s, uint64_t 
 static inline vl_result vl_host_judge(vl_host* h, const void* bytes, size_t size, uint64_t peer, vl_state* out) {
     vl_state s;
     vl_session session;
-    vl_result result;
     if (peer != h->peer) return VL_OTHER_SESSION;
-    result = vl_decode_state(bytes, size, &h->key, &s, &session);
+    const vl_result result = vl_decode_state(bytes, size, &h->key, &s, &session);
     if (result == VL_OTHER_VERSION) h->other_version = ((const uint8_t*)bytes)[4];
     if (result != VL_GOOD) return result;
     if (session.host != h->session.host || session.robot == 0) return VL_OTHER_SESSION;

@@ -137,13 +137,12 @@ static inline int vl_parse_address(const char* text, struct sockaddr_storage* ad
         in->sin6_port = htons((uint16_t)port);
         *size = sizeof *in;
         return inet_pton(AF_INET6, host + 1, &in->sin6_addr) == 1 ? 0 : -1;
-    } else {
-        struct sockaddr_in* const in = (struct sockaddr_in*)(void*)address;
-        in->sin_family = AF_INET;
-        in->sin_port = htons((uint16_t)port);
-        *size = sizeof *in;
-        return inet_pton(AF_INET, host, &in->sin_addr) == 1 ? 0 : -1;
     }
+    struct sockaddr_in* const in = (struct sockaddr_in*)(void*)address;
+    in->sin_family = AF_INET;
+    in->sin_port = htons((uint16_t)port);
+    *size = sizeof *in;
+    return inet_pton(AF_INET, host, &in->sin_addr) == 1 ? 0 : -1;
 }
 
 static inline int vl_line_fail(vl_line* line, char* error, size_t size, const char* what, const char* why) {
@@ -153,30 +152,29 @@ static inline int vl_line_fail(vl_line* line, char* error, size_t size, const ch
     return -1;
 }
 
+static inline struct flock vl_lock_of(int byte) {
+    struct flock lock;
+    memset(&lock, 0, sizeof lock);
+    lock.l_type = F_WRLCK;
+    lock.l_whence = SEEK_SET;
+    lock.l_start = byte;
+    lock.l_len = 1;
+    return lock;
+}
+
 /* One byte of a file for whoever has opened it: 0 the robot's, 1 the host's. The system takes it back from a process that is
 killed. Returns 0, or -1: somebody else has it. */
 static inline int vl_lock(int fd, int byte) {
-    struct flock lock;
-    memset(&lock, 0, sizeof lock);
-    lock.l_type = F_WRLCK;
-    lock.l_whence = SEEK_SET;
-    lock.l_start = byte;
-    lock.l_len = 1;
+    struct flock lock = vl_lock_of(byte);
     return fcntl(fd, F_OFD_SETLK, &lock);
 }
 static inline int vl_is_locked(int fd, int byte) {
-    struct flock lock;
-    memset(&lock, 0, sizeof lock);
-    lock.l_type = F_WRLCK;
-    lock.l_whence = SEEK_SET;
-    lock.l_start = byte;
-    lock.l_len = 1;
+    struct flock lock = vl_lock_of(byte);
     return fcntl(fd, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
 }
 
 static inline int vl_line_open_shared(vl_line* line, const char* name, char* error, size_t size) {
     struct stat status;
-    void* memory;
     if (!*name || strchr(name, '/') || strlen(name) > 100)
         return vl_line_fail(line, error, size, "a name of shared memory is 1 to 100 characters without '/'", NULL);
     snprintf(line->name, sizeof line->name, "/%.100s", name);
@@ -212,7 +210,7 @@ static inline int vl_line_open_shared(vl_line* line, const char* name, char* err
     }
     if (fstat(line->fd, &status) != 0 || status.st_size != (off_t)sizeof(vl_shared))
         return vl_line_fail(line, error, size, "this shared memory is not the link's", NULL);
-    memory = mmap(NULL, sizeof(vl_shared), PROT_READ | PROT_WRITE, MAP_SHARED, line->fd, 0);
+    void* const memory = mmap(NULL, sizeof(vl_shared), PROT_READ | PROT_WRITE, MAP_SHARED, line->fd, 0);
     if (memory == MAP_FAILED) {
         if (line->is_robot) shm_unlink(line->name);
         return vl_line_fail(line, error, size, "the shared memory cannot be mapped", strerror(errno));
@@ -339,10 +337,9 @@ static inline int vl_mailbox_write(vl_mailbox* box, const uint8_t* bytes, size_t
 static inline size_t vl_mailbox_read(const vl_mailbox* box, uint32_t* seen, uint8_t* bytes, size_t room) {
     for (int attempt = 0; attempt < 64; ++attempt) {
         const uint32_t number = __atomic_load_n(&box->number, __ATOMIC_ACQUIRE);
-        size_t size;
         if (number == *seen) return 0;
         if (number & 1u) continue;
-        size = __atomic_load_n(&box->size, __ATOMIC_RELAXED);
+        size_t size = __atomic_load_n(&box->size, __ATOMIC_RELAXED);
         if (size > room || size > VL_MAX_PACKET) size = 0; /* nonsense, or torn */
         for (size_t at = 0; at < size; at += 8) {
             const uint64_t word = __atomic_load_n(&box->words[at / 8], __ATOMIC_RELAXED);
@@ -361,18 +358,15 @@ most timeout_ns; `bytes` has room for VL_MAX_PACKET + 1: a longer packet is as l
 static inline size_t vl_line_receive(vl_line* line, uint8_t* bytes, int64_t timeout_ns, uint64_t* peer) {
     const int64_t end = timeout_ns > 0 ? vl_now_ns() + timeout_ns : 0;
     for (;;) {
-        int64_t left;
-        struct timespec wait;
         if (line->shared) {
             const vl_mailbox* const box = line->is_robot ? &line->shared->command : &line->shared->state;
             const size_t size = vl_mailbox_read(box, &line->seen, bytes, VL_MAX_PACKET);
             *peer = 1;
             if (size > 0) return size;
         } else {
-            ssize_t size;
             line->from_size = sizeof line->from;
-            size = recvfrom(line->fd, bytes, VL_MAX_PACKET + 1, MSG_DONTWAIT, (struct sockaddr*)(void*)&line->from,
-                            &line->from_size);
+            const ssize_t size = recvfrom(line->fd, bytes, VL_MAX_PACKET + 1, MSG_DONTWAIT,
+                                          (struct sockaddr*)(void*)&line->from, &line->from_size);
             if (size >= 0) {
                 *peer = vl_address_number(&line->from);
                 if (size > 0) return (size_t)size;
@@ -380,10 +374,9 @@ static inline size_t vl_line_receive(vl_line* line, uint8_t* bytes, int64_t time
                 return 1;
             }
         }
-        left = timeout_ns > 0 ? end - vl_now_ns() : 0;
+        const int64_t left = timeout_ns > 0 ? end - vl_now_ns() : 0;
         if (left <= 0) return 0;
-        wait.tv_sec = (time_t)(left / 1000000000);
-        wait.tv_nsec = (long)(left % 1000000000);
+        struct timespec wait = {(time_t)(left / 1000000000), (long)(left % 1000000000)};
         if (line->shared) {
             vl_mailbox* const box = line->is_robot ? &line->shared->command : &line->shared->state;
             if (__atomic_load_n(&box->number, __ATOMIC_RELAXED) & 1u) { /* being written, or its writer is gone */
@@ -393,10 +386,7 @@ static inline size_t vl_line_receive(vl_line* line, uint8_t* bytes, int64_t time
                 syscall(SYS_futex, &box->number, FUTEX_WAIT, line->seen, &wait, NULL, 0);
             }
         } else {
-            struct pollfd ready;
-            ready.fd = line->fd;
-            ready.events = POLLIN;
-            ready.revents = 0;
+            struct pollfd ready = {line->fd, POLLIN, 0};
             ppoll(&ready, 1, &wait, NULL);
         }
     }
