@@ -169,7 +169,10 @@ CaseResult makeResult(const ConfiguredCase& configured) {
     result.warnings = detail::findUnlikelyValues(plan);
     result.guarantees = configured.plugins.filter->traits().guarantees;
     if (plan.geometry) result.links = plan.geometry->links;
-    if (plan.environment) result.obstacles = plan.environment->obstacleNames();
+    if (plan.environment) {
+        result.obstacles = plan.environment->obstacleNames();
+        result.summary.setSafetyDistance(plan.environment->safetyDistance_m);
+    }
     result.holdsOnReal = plan.holdsOnReal;
     for (const PluginChoice* choice : plan.plugins())
         if (const ConfigNode* seed = choice->parameters.resolved().find("seed"))

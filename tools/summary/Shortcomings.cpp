@@ -192,7 +192,7 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
         const Following& f = s.following(i);
         if (f.swing() > s.following(swinging).swing()) swinging = i;
         const Miss miss = findMiss(f, kLeastJointMiss, s.tick_s());
-        if (!(miss.size > worst.size) || f.swing() > 0.0) continue;
+        if (!(miss.size > worst.size) || f.swing() >= miss.error) continue;  // what swings is told as that
         worst = miss;
         missing = i;
     }
@@ -214,10 +214,12 @@ void addWeakTouch(const CaseResult& r, std::vector<std::string>& found) {
     const auto& w = r.summary.waiting();
     constexpr double kEnough = 0.9;
     if (!w || w->ticks == 0 || !(w->leastAsked < kEnough * w->force)) return;
-    found.push_back(format(
-        "the tool pressed with less than the %.3g N asked for, down to %.3g N: the robust loop may add no more to a "
-        "joint there (`viable gains` tells how much; a smaller contact_force_N, or a pose with a shorter lever)",
-        w->force, w->leastAsked));
+    found.push_back(
+        format("the tool pressed with less than the %.3g N asked for, down to %.3g N: the robust loop may add, or a "
+               "motor give, no "
+               "more at a joint there (`viable gains` tells how much; a smaller contact_force_N, or a pose with a "
+               "shorter lever)",
+               w->force, w->leastAsked));
 }
 
 void addChatter(const CaseResult& r, std::vector<std::string>& found) {

@@ -15,6 +15,9 @@ constexpr int kHalfSwings = 6;
 /** A command jumps that moves by more in a tick than this many times what the joint can; or by this, where it has no limit
 [rad, m]. It rested before, for longer than from one sample of a stream to the next [s]. */
 constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.11;
+/** An arm is held off by what is no farther away than this beyond the safety distance: references rest 2 mm before the filter's
+aim, which is 5 mm beyond it [m]. */
+constexpr double kHeldOff_m = 0.008;
 /** Less is not judged [s]. */
 constexpr double kLeastJudged_s = 0.5;
 /** A tool is no nearer to the base than this, for the speeds that joints give it [m]. */
@@ -27,14 +30,14 @@ constexpr double kPushShare = 0.2;
 /** Of the joint that can least. */
 Pace findPace(const JointLimits& limits, double lever) {
     const auto least = [&](const JointBounds& bounds) {
-        return lever * bounds.upper.cwiseMax(-bounds.lower).minCoeff();
+        return lever * bounds.upper.cwiseMin(-bounds.lower).minCoeff();
     };
     return {least(limits.velocity), least(limits.acceleration), least(limits.jerk)};
 }
 
 Pace findJointPace(const JointLimits& limits, int i) {
-    const auto largest = [&](const JointBounds& bounds) { return std::max(-bounds.lower[i], bounds.upper[i]); };
-    return {largest(limits.velocity), largest(limits.acceleration), largest(limits.jerk)};
+    const auto least = [&](const JointBounds& bounds) { return std::min(-bounds.lower[i], bounds.upper[i]); };
+    return {least(limits.velocity), least(limits.acceleration), least(limits.jerk)};
 }
 
 Following::Point makePoint(double x) {
@@ -446,6 +449,10 @@ void Summary::add(const TickRecord& record) {
     if (waiting_ && record.touch.isOn) addWaiting(record);
     actingKinds_ = 0;
     for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
+    // A controller that knows what is near leads no joint into it, and the filter has nothing to do.
+    if (const LimitReport& near = record.reports[LimitKind::Clearance];
+        near.isKnown && near.margin < safetyDistance_m_ + kHeldOff_m)
+        actingKinds_ |= 1u << static_cast<unsigned>(LimitKind::Clearance);
     for (int i = 0; i < n; ++i) {
         addIntervention(i, record);
         addCommand(i, record);

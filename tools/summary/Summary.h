@@ -210,6 +210,8 @@ public:
     /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
     double realCommandErrorRms() const { return Following::errorRms(realFollowing_); }
     void setTask(const ToolTask& task) { task_ = task; }
+    /** Distance that the filter keeps the arm at [m]. */
+    void setSafetyDistance(double distance_m) { safetyDistance_m_ = distance_m; }
     const ToolTask& task() const { return task_; }
     /** RMS over ticks and joints of the nominal arm's jerk [rad/s^3, m/s^3]. */
     double jerkRms() const;
@@ -344,6 +346,7 @@ private:
     std::vector<Following> following_, realFollowing_;  // by joint
     Following tool_, turn_, realTool_, realTurn_;
     ToolTask task_;
+    double safetyDistance_m_ = -kInfinity;
     Pose commandOrigin_, toolOrigin_;  // where both were first
     unsigned actingKinds_ = 0;         // in this tick
     bool broken_ = false, isTouching_ = false;

@@ -62,7 +62,8 @@ void StopDemands::ease() {
 
 void StopDemands::harden(const ArmStopCheck::Result* taken) {
     demands_.least = hard_;
-    for (std::size_t e = 0; taken && e < hard_.size(); ++e) demands_.least[e] = std::min(hard_[e], taken->seen[e]);
+    for (std::size_t e = 0; taken && e < hard_.size(); ++e)
+        demands_.least[e] = std::min(hard_[e], std::max(taken->seen[e], aim() - kEase_m));
 }
 
 bool StopDemands::isKept() const {

@@ -254,6 +254,7 @@ void ControlLoop::feelTouch() {
     if (missingExternalTorques_ > kMaxSubstitutedTicks || !isPlausible || dynamics.J.cols() != n_) return touch_->end();
     JointVector room(n_);
     const JointVector& driving = nominalArm_.motion().torque;
+    if (driving.size() != n_) return;  // before its first tick
     for (int i = 0; i < n_; ++i) {
         const double motor = std::max(0.0, setup_.robot.actuation.torqueLimit[i] - std::abs(driving[i]));
         room[i] = authority_.limits(i) ? std::min(authority_.calcRest(i), motor) : motor;

@@ -17,6 +17,8 @@ constexpr double kAngular = 0.1, kWish = 0.01;
 constexpr double kMoment = 0.3;
 /** A joint with less pull on the tool does not hold it [m]; all of them with less than this share of the lever arm do not. */
 constexpr double kNoLever = 1e-6, kLeastPull = 0.1;
+/** A contact begins with no less than this share of the force asked for, however little the joints may give. */
+constexpr double kLeastForce = 0.1;
 
 double follow(double tick_s, double time_s) {
     return std::min(1.0, tick_s / time_s);
@@ -91,7 +93,7 @@ void ToolTouch::update(const JointState& real, const JointVector& external, cons
         if (!hasFree_ || !(force.norm() > 0.5 * asked_)) free_ = at;
         hasFree_ = true;
         const JointVector ofForce = dynamics_.J.topRows<3>().transpose() * force, rest = external_ - ofForce;
-        if (force.norm() > asked_ && rest.norm() < kMoment * external_.norm() &&
+        if (force.norm() > std::max(asked_, kLeastForce * force_) && rest.norm() < kMoment * external_.norm() &&
             ofForce.norm() > kLeastPull * calcLeverArm(dynamics_.J) * force.norm())
             begin(force);
         if (!isOn_) return;

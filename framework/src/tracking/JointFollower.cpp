@@ -6,6 +6,13 @@
 
 namespace viable {
 
+namespace {
+
+/** Nearer to its goal the reference is there, but for rounding [rad, m]. */
+constexpr double kThere = 1e-12;
+
+}  // namespace
+
 void JointFollower::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
                               const MotionState& start, double share, const ArmGeometry* geometry) {
     servo_.configure(limits, tick_s, share);
@@ -41,7 +48,7 @@ void JointFollower::calc(const MotionState& state, const MotionState& target, co
     }
     goal_ = target.q.cwiseMax(range_.lower).cwiseMin(range_.upper);
     guide_->calc(state, goal_, surroundings, time_s, jerk);
-    const bool isFree = !guide_->isLed() && guide_->reference().q() == goal_;
+    const bool isFree = !guide_->isLed() && (guide_->reference().q() - goal_).cwiseAbs().maxCoeff() <= kThere;
     ticksLeft_ = isFree ? ticksLeft_ - 1 : longest_;
     if (ticksLeft_ == 0) servo_.reset(state);
 }

@@ -34,7 +34,7 @@ constexpr double kBack = 0.1;
 their way. */
 constexpr double kLeap = 0.5, kLeapFrom_m = 1e-3;
 /** A motion leads nowhere that comes less than this share of its way, and rests until the distances change by more [m]. */
-constexpr double kNowhere = 0.1, kOtherwise_m = 1e-6;
+constexpr double kNowhere = 0.1, kOtherwise_m = 1e-6, kLeastWay = 1e-9;
 /** Joints that go one by one come so much nearer, less than kMargin_m leaves [m]: balls that cover the capsules are bumps on their
 way. */
 constexpr double kEase_m = 0.0015;
@@ -89,7 +89,7 @@ bool Tremble::find(const JointVector& q, bool countsStill) {
     way_ += (q - last_).norm();
     last_ = q;
     if (--left_ > 0) return false;
-    const bool isNowhere = (way_ > 0.0 || countsStill) && (q - from_).norm() <= kNowhere * way_;
+    const bool isNowhere = (way_ > kLeastWay || countsStill) && (q - from_).norm() <= kNowhere * way_;
     reset(q);
     return isNowhere;
 }
@@ -179,6 +179,7 @@ void ToolReference::configure(const RobotDescription& robot, const JointLimits& 
 void ToolReference::changeLimits(const JointLimits& limits, const JointVector& rest) {
     limits_ = limits;
     rest_ = rest;
+    rests_ = false;
     const double longest_s = calcLongestStop(limits);
     apartRate_ = longest_s > 0.0 ? 1.0 / longest_s : 1.0;
     tremble_.configure(std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s_) : 1000);
@@ -351,6 +352,8 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
     findBox(around);
     applyStep();
     q_ += step_;
+    // One that something holds, such as a person, goes on when that is gone.
+    if ((step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any()) tremble_.reset(q_);
     if (clear_ && tremble_.find(q_)) rest(q_);
 }
 

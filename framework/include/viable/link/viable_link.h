@@ -415,7 +415,7 @@ static inline vl_result vl_robot_check(vl_robot* r, const void* bytes, size_t si
     if (session.robot == 0) { /* hello */
         if (r->has_host) return session.host == r->session.host ? VL_OLD : VL_OTHER_SESSION;
         if (c.mode != VL_HOLD) return VL_OTHER_SESSION;
-        /* One of the addresses that call in a tick is answered, each as likely as the others, however often it calls. All calls
+        /* One of the addresses that call in a tick is answered, each about as likely as the others, however often it calls. All calls
         of an address are as likely as each other. */
         bit = UINT64_C(1) << (vl_robot_number(r, ~r->tick, peer) >> 58);
         if (!(r->met & bit))
