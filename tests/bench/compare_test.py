@@ -132,9 +132,7 @@ class Script(unittest.TestCase):
     """compare_bench.sh in a repository whose set-up copies a program instead of building one."""
 
     def setUp(self):
-        temporary = tempfile.TemporaryDirectory()
-        self.addCleanup(temporary.cleanup)
-        self.root = temporary.name
+        self.root = self.enterContext(tempfile.TemporaryDirectory())
         self.git("init", "--quiet")
         for name in ("compare_bench.sh", "compare_bench.py"):
             target = os.path.join(self.root, "tools/scripts", name)

@@ -64,6 +64,25 @@ protected:
     std::int64_t ticks_ = 0;  ///< compute() calls since reset, the present one included
 };
 
+/** Set-points of the joints about where the arm starts. */
+class Command : public viable::CommandSource {
+public:
+    void reset(const viable::MotionState& start) override { start_ = start.q; }
+    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
+
+protected:
+    /** To rest so far from the start [rad]. */
+    viable::TickStatus setPoint(double offset, viable::MotionCommand& out) const {
+        out.space = viable::MotionCommand::Space::Joint;
+        out.q = start_.array() + offset;
+        out.qd.setZero(start_.size());
+        return viable::TickStatus::Ok;
+    }
+
+private:
+    viable::JointVector start_;
+};
+
 /** When a fault begins and how long it lasts. */
 struct FaultWindow {
     LateOptions begin;

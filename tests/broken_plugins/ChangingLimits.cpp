@@ -24,7 +24,7 @@ struct ChangingLimitsOptions {
 };
 
 /** Set-points to and fro, once a second; limits that change; a tick that takes its time. */
-class ChangingLimits : public viable::CommandSource {
+class ChangingLimits : public broken::Command {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
         const auto options = parameters.get<ChangingLimitsOptions>();
@@ -43,19 +43,15 @@ public:
         if (fault_ == "size") limits_.jerk.lower.conservativeResize(setup.size() + 1);
     }
     void reset(const viable::MotionState& start) override {
-        start_ = start.q;
+        Command::reset(start);
         isGiven_ = false;
         random_.seed(7);
     }
-    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         if (sleep_us_ > 0)
             std::this_thread::sleep_for(
                 std::chrono::microseconds(std::uniform_int_distribution<int>(0, sleep_us_)(random_)));
-        out.space = viable::MotionCommand::Space::Joint;
-        out.q = start_.array() + (std::fmod(t, 2.0) < 1.0 ? size_ : -size_);
-        out.qd.setZero(start_.size());
-        return viable::TickStatus::Ok;
+        return setPoint(std::fmod(t, 2.0) < 1.0 ? size_ : -size_, out);
     }
     const viable::JointLimits* sampleLimits(double t) override {
         if (isGiven_ || t < at_s_) return nullptr;
@@ -69,7 +65,6 @@ private:
     std::string fault_;
     int sleep_us_ = 0;
     viable::JointLimits limits_;
-    viable::JointVector start_;
     bool isGiven_ = false;
     std::mt19937 random_;
 };

@@ -307,15 +307,8 @@ const Fault kFaults[] = {
          t.entry.create = [](char*, std::size_t) -> void* { throw std::runtime_error("thrown across the border"); };
      }},
     {"create_throws_int", [](Table& t) { t.entry.create = [](char*, std::size_t) -> void* { throw 7; }; }},
-    {"constructor_throws",
-     [](Table& t) {
-         t.entry = viable::makePluginEntry<viable::SafetyFilter, ThrowingFilter>("constructor_throws", "Throws.");
-     }},
-    {"constructor_throws_int",
-     [](Table& t) {
-         t.entry =
-             viable::makePluginEntry<viable::SafetyFilter, IntThrowingFilter>("constructor_throws_int", "Throws.");
-     }},
+    {"constructor_throws", [](Table& t) { t.show<ThrowingFilter>("Throws."); }},
+    {"constructor_throws_int", [](Table& t) { t.show<IntThrowingFilter>("Throws."); }},
     // other calls than ticks
     {"liar", [](Table& t) { t.show<Liar>("Guarantees every limit and keeps none."); }},
     {"throws_in_reset", [](Table& t) { t.show<ThrowsInReset>("Throws in reset()."); }},

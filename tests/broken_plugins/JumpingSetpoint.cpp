@@ -13,25 +13,19 @@ struct JumpingSetpointOptions {
     }
 };
 
-class JumpingSetpoint : public viable::CommandSource {
+class JumpingSetpoint : public broken::Command {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
         every_s_ = parameters.get<JumpingSetpointOptions>().every_s;
     }
-    void reset(const viable::MotionState& start) override { start_ = start.q; }
-    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         const double offsets[] = {0.0, 6.283185307179586, 0.0, 1e6, -1e6};  // [rad]
         const auto jumps = static_cast<std::int64_t>(std::floor(t / every_s_));
-        out.space = viable::MotionCommand::Space::Joint;
-        out.q = start_.array() + offsets[jumps % 5];
-        out.qd.setZero(start_.size());
-        return viable::TickStatus::Ok;
+        return setPoint(offsets[jumps % 5], out);
     }
 
 private:
     double every_s_ = 0.0;
-    viable::JointVector start_;
 };
 
 }  // namespace

@@ -23,7 +23,7 @@ struct WitnessOptions {
 };
 
 /** Set-points to and fro; says elsewhere than in the log how many ticks have begun, and when. */
-class Witness : public viable::CommandSource {
+class Witness : public broken::Command {
 public:
     ~Witness() override {
         if (page_) munmap(page_, sizeof(viable::test::WitnessPage));
@@ -38,8 +38,6 @@ public:
         if (memory == MAP_FAILED) throw std::runtime_error("the witness has no page");
         page_ = static_cast<viable::test::WitnessPage*>(memory);
     }
-    void reset(const viable::MotionState& start) override { start_ = start.q; }
-    viable::CommandTraits traits() const override { return {viable::MotionCommand::Space::Joint}; }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
         using Clock = std::chrono::steady_clock;
         if (paced_) {
@@ -49,10 +47,7 @@ public:
         }
         page_->begun_ns[ticks_ % page_->kKept] = std::chrono::nanoseconds(Clock::now().time_since_epoch()).count();
         page_->ticks.store(static_cast<std::int64_t>(++ticks_), std::memory_order_release);
-        out.space = viable::MotionCommand::Space::Joint;
-        out.q = start_.array() + (static_cast<std::int64_t>(t) % 2 == 0 ? 0.3 : -0.3);
-        out.qd.setZero(start_.size());
-        return viable::TickStatus::Ok;
+        return setPoint(static_cast<std::int64_t>(t) % 2 == 0 ? 0.3 : -0.3, out);
     }
 
 private:
@@ -61,7 +56,6 @@ private:
     bool paced_ = true;
     viable::test::WitnessPage* page_ = nullptr;
     std::size_t ticks_ = 0;
-    viable::JointVector start_;
 };
 
 }  // namespace

@@ -24,11 +24,14 @@ constexpr double kLoad_kg = 0.4, kPayload_kg = 0.2;
 const double kTicks_s[] = {0.0005, 0.001, 0.002};
 const char* const kControllers[] = {"tool_servo", "task_space_pd", "joint_servo", "joint_pd"};
 
-std::string list(const JointVector& values) {
+std::string join(const Eigen::VectorXd& values, const char* between) {
     std::ostringstream text;
     text.precision(17);
-    for (int i = 0; i < values.size(); ++i) text << (i ? ", " : "[") << values[i];
-    return text.str() + "]";
+    for (int i = 0; i < values.size(); ++i) text << (i ? between : "") << values[i];
+    return text.str();
+}
+std::string list(const JointVector& values) {
+    return "[" + join(values, ", ") + "]";
 }
 
 /** An arm that somebody might have built: a chain of rods with any axes, heavy ones near the base, with or without rotors,
@@ -50,12 +53,7 @@ public:
     bool hasRotors() const { return rotors_.maxCoeff() > 0.0; }
 
 private:
-    static std::string vector(const Eigen::Vector3d& v) {
-        std::ostringstream text;
-        text.precision(17);
-        text << v.x() << " " << v.y() << " " << v.z();
-        return text.str();
-    }
+    static std::string vector(const Eigen::Vector3d& v) { return join(v, " "); }
     Eigen::Vector3d drawDirection() {
         if (random_.chance(0.8)) return Eigen::Vector3d::Unit(random_.integer(0, 2));
         Eigen::Vector3d v(random_.uniform(-1.0, 1.0), random_.uniform(-1.0, 1.0), random_.uniform(0.1, 1.0));

@@ -106,37 +106,21 @@ void makeWild(Random& random, RobotDescription& robot, JointLimits& limits, Nric
     const double numbers[] = {NAN, kInfinity, -1.0, 0.0, 1e300, 1e-300};
     const double number = numbers[random.integer(0, 5)];
     const int joint = random.integer(0, n - 1);
-    switch (random.integer(0, 9)) {
-        case 0:
-            robot.joints[static_cast<std::size_t>(joint)].body.mass = number;
-            break;
-        case 1:
-            robot.actuation.rotorInertia[joint] = number;
-            break;
-        case 2:
-            robot.actuation.friction.coulomb[joint] = number;
-            break;
-        case 3:
-            robot.actuation.friction.viscous[joint] = number;
-            break;
-        case 4:
-            robot.actuation.friction.viscousVelocity[joint] = number;
-            break;
-        case 5:
-            limits.velocity.upper[joint] = number;
-            break;
-        case 6:
-            limits.acceleration.upper[joint] = number;
-            break;
-        case 7:
-            gains.kr = number;
-            break;
-        case 8:
-            set.frictionScale = number;
-            break;
-        default:
-            set.payload_kg = number;
-    }
+    JointFriction& friction = robot.actuation.friction;
+    double* const places[] = {&robot.joints[static_cast<std::size_t>(joint)].body.mass,
+                              &robot.actuation.rotorInertia[joint],
+                              &friction.coulomb[joint],
+                              &friction.viscous[joint],
+                              &friction.viscousVelocity[joint],
+                              &limits.velocity.upper[joint],
+                              &limits.acceleration.upper[joint],
+                              &set.payload_kg};
+    PerJoint* const ofAll[] = {&gains.kr, &set.frictionScale};
+    const int place = random.integer(0, 9);
+    if (place == 7 || place == 8)
+        *ofAll[place - 7] = number;
+    else
+        *places[std::min(place, 7)] = number;
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 #include <cstdio>
 
-#include "Arms.h"
-#include "PathRange.h"
-#include "Properties.h"
+#include "ArmProperty.h"
 
 namespace viable {
 
@@ -33,27 +31,20 @@ struct Uses {
     bool used[kQuantities] = {};
 
     void see(const PathRange& tick, double jerk, const DrawnLimits& l) {
-        const double range = l.finite.positionUpper - l.finite.positionLower;
-        const auto seeSides = [](bool& use, const Range& x, double lower, double upper, double unusedLower,
-                                 double unusedUpper) {
-            use |= x.largest >= upper - unusedUpper || x.least <= lower + unusedLower;
-        };
-        const AxisLimits &s = l.limits, &f = l.finite;
-        seeSides(used[Position], tick.p, s.positionLower, s.positionUpper, kUnused * range, kUnused * range);
-        seeSides(used[Velocity], tick.v, s.velocityLower, s.velocityUpper, -kUnused * f.velocityLower,
-                 kUnused * f.velocityUpper);
-        seeSides(used[Acceleration], tick.a, s.accelerationLower, s.accelerationUpper, -kUnused * f.accelerationLower,
-                 kUnused * f.accelerationUpper);
-        seeSides(used[Jerk], {jerk, jerk}, s.jerkLower, s.jerkUpper, -kUnused * f.jerkLower, kUnused * f.jerkUpper);
+        for (int q = 0; q < kQuantities; ++q) {
+            const Range x = q == Jerk ? Range{jerk, jerk} : getRange(tick, q);
+            const Sides limit = getSides(l.limits, q), finite = getSides(l.finite, q);
+            const double range = finite.upper - finite.lower;
+            const double above = kUnused * (q == Position ? range : finite.upper);
+            const double below = kUnused * (q == Position ? range : -finite.lower);
+            used[q] |= x.largest >= limit.upper - above || x.least <= limit.lower + below;
+        }
     }
 };
 
 bool exists(const AxisLimits& l, int quantity) {
-    const double sides[][2] = {{l.positionLower, l.positionUpper},
-                               {l.velocityLower, l.velocityUpper},
-                               {l.accelerationLower, l.accelerationUpper},
-                               {l.jerkLower, l.jerkUpper}};
-    return std::isfinite(sides[quantity][0]) || std::isfinite(sides[quantity][1]);
+    const Sides sides = getSides(l, quantity);
+    return std::isfinite(sides.lower) || std::isfinite(sides.upper);
 }
 
 /** What the barrier is about: where the backup stop brings a joint, and the velocity that full jerk, bringing
@@ -74,15 +65,9 @@ struct Reach {
     double jerk;  ///< the next one of the stop
 };
 
-class LimitsProperty {
+class LimitsProperty : public ArmProperty {
 public:
-    explicit LimitsProperty(const Options& options) : run_("limits", options) {}
-
-    bool check() {
-        while (run_.nextArm()) followArm();
-        report();
-        return run_.isGood();
-    }
+    explicit LimitsProperty(const Options& options) : ArmProperty("limits", options) {}
 
 private:
     /** How far anything was beyond a limit, relative to calcSize(); negative: never reached. */
@@ -90,7 +75,7 @@ private:
         Real beyond[kQuantities] = {-1, -1, -1, -1};
     };
 
-    void followArm() {
+    void followArm() override {
         Random random(run_.seed(), run_.arm());
         Arm arm(random);
         arm.objective = run_.options().objective;
@@ -181,11 +166,9 @@ private:
     }
 
     double calcRounding(int i, LimitKind limit) const {
-        const AxisLimits l = arm_->limits.axis(i);
-        const auto& sizes = sizes_[i];
-        if (limit == LimitKind::Position) return kAllowed * calcSize(l.positionLower, l.positionUpper, sizes[0]);
-        if (limit == LimitKind::Velocity) return kAllowed * calcSize(l.velocityLower, l.velocityUpper, sizes[1]);
-        return kAllowed * calcSize(l.accelerationLower, l.accelerationUpper, sizes[2]);
+        const int q = static_cast<int>(limit) - static_cast<int>(LimitKind::Position);
+        const Sides sides = getSides(arm_->limits.axis(i), q);
+        return kAllowed * calcSize(sides.lower, sides.upper, sizes_[i][q]);
     }
 
     PathRange checkTick(int i, const char* what) {
@@ -193,18 +176,18 @@ private:
         const AxisLimits l = arm.limits.axis(i);
         const PathRange tick = walkTick(arm.at(i), arm.chosen[i], arm.tick_s);
         auto& sizes = sizes_[i];
-        const auto see = [&](Quantity quantity, const Range& x, double lower, double upper, double seen) {
-            Real beyond = std::max(x.largest - upper, lower - x.least);
-            if (beyond != 0) beyond /= calcSize(lower, upper, seen);
+        const auto see = [&](int quantity, const Range& x, double seen) {
+            const Sides limit = getSides(l, quantity);
+            Real beyond = std::max(x.largest - limit.upper, limit.lower - x.least);
+            if (beyond != 0) beyond /= calcSize(limit.lower, limit.upper, seen);
             worst_.beyond[quantity] = std::max(worst_.beyond[quantity], beyond);
             if (!(beyond <= kAllowed)) fail(what, static_cast<double>(beyond), i);
         };
-        const Range* ranges[] = {&tick.p, &tick.v, &tick.a};
-        for (int q = 0; q < 3; ++q) sizes[q] = std::max(sizes[q], static_cast<double>(ranges[q]->size()));
-        see(Position, tick.p, l.positionLower, l.positionUpper, sizes[0]);
-        see(Velocity, tick.v, l.velocityLower, l.velocityUpper, sizes[1]);
-        see(Acceleration, tick.a, l.accelerationLower, l.accelerationUpper, sizes[2]);
-        see(Jerk, {arm.chosen[i], arm.chosen[i]}, l.jerkLower, l.jerkUpper, 0.0);
+        for (int q = 0; q < Jerk; ++q) {
+            sizes[q] = std::max(sizes[q], static_cast<double>(getRange(tick, q).size()));
+            see(q, getRange(tick, q), sizes[q]);
+        }
+        see(Jerk, {arm.chosen[i], arm.chosen[i]}, 0.0);
         return tick;
     }
 
@@ -259,12 +242,7 @@ private:
         seeSide(lower, before.least - lower, after.least - lower);
     }
 
-    void fail(const char* what, double excess, int i) {
-        run_.fail(what, excess, i, arm_->at(i), arm_->limits.axis(i), arm_->tick_s);
-    }
-
-    void report() {
-        run_.print();
+    void report() override {
         std::printf("  missed ticks %lld; worst beyond a limit (relative):", static_cast<long long>(skipped_));
         for (int q = 0; q < kQuantities; ++q)
             std::printf(" %s %.2Lg%s", kNames[q], worst_.beyond[q], q < Jerk ? "," : "");
@@ -285,8 +263,6 @@ private:
         }
     }
 
-    Run run_;
-    Arm* arm_ = nullptr;
     std::vector<std::array<double, 3>> sizes_;  // largest |p|, |v|, |a| so far
     std::vector<Uses> uses_;
     std::vector<int> stuck_;  // ticks in a row

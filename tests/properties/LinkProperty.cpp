@@ -255,23 +255,24 @@ bool checkLink(const Options& options) {
             twin.sendCommand(VL_HOLD, wanted, 0, false);
             for (int k = 0; k < kQuiet; ++k) exchange(VL_HOLD, 3, false, false);
         };
+        const auto attack = [&] {
+            const int packets = random.integer(0, 12);
+            for (int i = 0; i < packets; ++i) stranger.attack(link);
+            run.addSteps(packets);
+        };
         connect();
         for (int k = 0; k < kDriven / 2; ++k) exchange(VL_TORQUE, 3, false, false);
         exchange(VL_STOP, 0, false, false);
         connect();
         for (int k = 0; k < kDriven && run.violations() == 0; ++k) {
-            const int packets = random.integer(0, 12);
-            for (int i = 0; i < packets; ++i) stranger.attack(link);
-            run.addSteps(packets);
+            attack();
             const bool holds = (link.heard.flags & VL_LAPSED) || random.chance(0.02);
             exchange(holds ? VL_HOLD : VL_TORQUE, 3, random.chance(0.2), random.chance(0.2));
             if (const char* what = findDifference(link, twin)) run.fail(what, 0.0);
         }
         exchange(VL_STOP, 0, false, false);
         for (int k = 0; k < kAlone && run.violations() == 0; ++k) {  // nobody has it, and nobody gets it by old packets
-            const int packets = random.integer(0, 12);
-            for (int i = 0; i < packets; ++i) stranger.attack(link);
-            run.addSteps(packets);
+            attack();
             if (link.tick(tau) != VL_HOLD || link.robot.has_host) run.fail("a recorded packet has the robot", 0.0);
             link.sendState(state, true);
         }
@@ -280,9 +281,7 @@ bool checkLink(const Options& options) {
         int k = 0;
         std::uint64_t answers = 0;
         for (; k < kCalling && !link.host.is_connected; ++k) {
-            const int packets = random.integer(0, 12);
-            for (int i = 0; i < packets; ++i) stranger.attack(link);
-            run.addSteps(packets);
+            attack();
             const std::uint64_t before = link.host.last_sequence;
             if (link.tick(tau) != VL_HOLD) run.fail("a torque acts without a host", 0.0);
             if (!link.sendState(state, false).empty()) ++answers;

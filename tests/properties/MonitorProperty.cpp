@@ -1,8 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "Arms.h"
-#include "Properties.h"
+#include "ArmProperty.h"
 #include "loop/StopMonitor.h"
 
 namespace viable {
@@ -14,19 +13,8 @@ constexpr double kSpoilt = 1e-6;
 constexpr std::size_t kMostClasses = 12;
 
 const char* getName(StopMonitor::Fault fault) {
-    switch (fault) {
-        case StopMonitor::Fault::None:
-            return "none";
-        case StopMonitor::Fault::Limit:
-            return "limit";
-        case StopMonitor::Fault::Stays:
-            return "stays";
-        case StopMonitor::Fault::Moving:
-            return "moving";
-        case StopMonitor::Fault::Malformed:
-            return "malformed";
-    }
-    return "unknown";
+    static const char* const names[] = {"none", "limit", "stays", "moving", "malformed"};
+    return names[static_cast<int>(fault)];
 }
 
 const char* countSides(double lower, double upper) {
@@ -56,18 +44,12 @@ std::string describe(const AxisLimits& l) {
            countSides(l.accelerationLower, l.accelerationUpper);
 }
 
-class MonitorProperty {
+class MonitorProperty : public ArmProperty {
 public:
-    explicit MonitorProperty(const Options& options) : run_("monitor", options) {}
-
-    bool check() {
-        while (run_.nextArm()) followArm();
-        report();
-        return run_.isGood();
-    }
+    explicit MonitorProperty(const Options& options) : ArmProperty("monitor", options) {}
 
 private:
-    void followArm() {
+    void followArm() override {
         Random random(run_.seed(), run_.arm());
         Arm arm(random);
         const Story story(random);
@@ -98,7 +80,7 @@ private:
     void followStop(int ticks) {
         Arm& arm = *arm_;
         for (int m = 0; m < ticks && !accused_; ++m) {
-            check(monitor_.followStop(arm.state, decision_));
+            judge(monitor_.followStop(arm.state, decision_));
             arm.chosen = decision_.value;
             arm.move();
         }
@@ -114,7 +96,7 @@ private:
         for (int i = 0; i < arm.n; ++i) decision_.stops[i] = arm.braking.stop(i);
         const StopMonitor::Violation& violation = monitor_.examine(arm.state, decision_);
         const bool isSafe = violation.verdict == StopVerdict::Safe;
-        check(violation);
+        judge(violation);
         // After a change of limits, or on the way back, the stop before counts in place of a limit.
         if (isSafe && wasSafe_ && random.chance(0.02)) {
             spoil(random.integer(0, arm.n - 1), random.chance(0.5));
@@ -140,9 +122,9 @@ private:
         }
         ++spoilt_;
         if (monitor_.examine(arm.state, spoilt).verdict == StopVerdict::NoStop) return;
-        run_.fail(spoilsJerk ? "the monitor lets a jerk beyond its limit pass (share)"
-                             : "the monitor lets a stop pass that does not end at rest",
-                  kSpoilt, i, arm.at(i), l, arm.tick_s);
+        fail(spoilsJerk ? "the monitor lets a jerk beyond its limit pass (share)"
+                        : "the monitor lets a stop pass that does not end at rest",
+             kSpoilt, i);
     }
 
     /** False where the last tick of the stop does next to nothing. */
@@ -158,7 +140,7 @@ private:
         return false;
     }
 
-    void check(const StopMonitor::Violation& violation) {
+    void judge(const StopMonitor::Violation& violation) {
         ++verdicts_[static_cast<int>(violation.verdict)];
         if (violation.verdict != StopVerdict::NoStop) return;
         accused_ = true;
@@ -169,8 +151,7 @@ private:
         named.joints.resize(static_cast<std::size_t>(i) + 1);
         named.joints.back().name = "the joint";
         monitor_.describe(violation, named, what, sizeof what);
-        run_.fail((std::string("the monitor accuses the law: ") + what).c_str(), violation.excess, i, arm_->at(i), l,
-                  arm_->tick_s);
+        fail((std::string("the monitor accuses the law: ") + what).c_str(), violation.excess, i);
         Accusations& accusations =
             accusations_[std::string(getName(violation.fault)) + " " +
                          viable::getName(violation.limit, LimitSide::Neither) + "; limits: " + describe(l)];
@@ -181,8 +162,7 @@ private:
         accusations.missed += story_->missesTicks;
     }
 
-    void report() {
-        run_.print();
+    void report() override {
         std::printf("  ticks found safe %lld, recovering %lld, without a stop %lld; missed %lld\n",
                     static_cast<long long>(verdicts_[0]), static_cast<long long>(verdicts_[1]),
                     static_cast<long long>(verdicts_[2]), static_cast<long long>(missed_));
@@ -209,8 +189,6 @@ private:
         double worst = 0.0;  ///< in the limit's unit
     };
 
-    Run run_;
-    Arm* arm_ = nullptr;
     const Story* story_ = nullptr;
     StopMonitor monitor_;
     Dynamics dynamics_;

@@ -83,26 +83,20 @@ private:
         Solid solid;
         solid.name = "solid" + std::to_string(k);
         solid.pose = drawPose(random_, reach);
-        switch (random_.integer(0, 3)) {
-            case 0:
-                solid.kind = Solid::Kind::Box;
-                for (double& edge : solid.size) edge = random_.logUniform(0.002, 0.8);  // also thin
-                break;
-            case 1:
-                solid.kind = Solid::Kind::Sphere;
-                solid.radius = random_.logUniform(0.01, 0.3);
-                break;
-            case 2:
-                solid.kind = Solid::Kind::Cylinder;
-                solid.radius = random_.logUniform(0.005, 0.2);
-                solid.length = random_.logUniform(0.05, 1.5);
-                break;
-            default:
-                solid.kind = Solid::Kind::HalfSpace;
-                solid.pose.linear() =
-                    Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), -solid.pose.translation())
-                        .toRotationMatrix();
-                break;
+        using Kind = Solid::Kind;
+        constexpr Kind kKinds[] = {Kind::Box, Kind::Sphere, Kind::Cylinder, Kind::HalfSpace};
+        solid.kind = kKinds[random_.integer(0, 3)];
+        if (solid.kind == Kind::Box) {
+            for (double& edge : solid.size) edge = random_.logUniform(0.002, 0.8);  // also thin
+        } else if (solid.kind == Kind::Sphere) {
+            solid.radius = random_.logUniform(0.01, 0.3);
+        } else if (solid.kind == Kind::Cylinder) {
+            solid.radius = random_.logUniform(0.005, 0.2);
+            solid.length = random_.logUniform(0.05, 1.5);
+        } else {
+            solid.pose.linear() =
+                Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), -solid.pose.translation())
+                    .toRotationMatrix();
         }
         return solid;
     }

@@ -104,17 +104,13 @@ public:
 private:
     static Walkers::Habits makeHabits(std::int64_t number, Scene scene) {
         Walkers::Habits habits;
-        if (scene == Scene::Quiet) {
+        if (scene != Scene::Crowd) {
             habits.most = 1;
             habits.contactChance = habits.targetChance = 0.0;
             habits.slowestOf = 1.0;
             habits.farthest_m = 5.0;
-            return habits;
-        }
-        if (scene == Scene::Visit) {
-            habits.most = 1;
-            habits.contactChance = habits.targetChance = 0.0;
-            habits.slowestOf = habits.farthest_m = 1.0;
+            if (scene == Scene::Quiet) return habits;
+            habits.farthest_m = 1.0;
             habits.leaves_s = kLeaves_s;
             habits.shortest_s = habits.longest_s = kTick_s;
             return habits;

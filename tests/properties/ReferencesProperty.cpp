@@ -1,8 +1,6 @@
 #include <cstdio>
 
-#include "Arms.h"
-#include "PathRange.h"
-#include "Properties.h"
+#include "ArmProperty.h"
 #include "viable/loop/ReferenceGuard.h"
 
 namespace viable {
@@ -82,18 +80,12 @@ private:
     double rest_, phase_, rate_;
 };
 
-class ReferencesProperty {
+class ReferencesProperty : public ArmProperty {
 public:
-    explicit ReferencesProperty(const Options& options) : run_("references", options) {}
-
-    bool check() {
-        while (run_.nextArm()) followArm();
-        report();
-        return run_.isGood();
-    }
+    explicit ReferencesProperty(const Options& options) : ArmProperty("references", options) {}
 
 private:
-    void followArm() {
+    void followArm() override {
         Random random(run_.seed(), run_.arm());
         Arm arm(random);
         limits_ = arm.limits;
@@ -146,7 +138,7 @@ private:
             const double size = calcSize(l.positionLower, l.positionUpper, sizes_[i][0]);
             const double off = std::abs(state_.q[joint] - wanted);
             arrived_ += off <= kArrived * size;
-            if (off > kArrived * size) fail("a joint rests off its target", off, joint);
+            if (off > kArrived * size) blame("a joint rests off its target", off, joint);
         }
     }
 
@@ -154,16 +146,8 @@ private:
         MotionState end;
         for (int k = 1; k <= missed; ++k) {
             guard.calcStop(k * tick_s_, end);
-            for (int i = 0; i < guard.size() && !isLoose_; ++i) {
-                const AxisLimits l = limits_.axis(i);
-                for (int q = 0; q < 3; ++q)
-                    sizes_[i][q] = std::max(sizes_[i][q], std::abs(q == 0   ? end.q[i]
-                                                                   : q == 1 ? end.qd[i]
-                                                                            : end.qdd[i]));
-                see(i, {end.q[i], end.q[i]}, l.positionLower, l.positionUpper, sizes_[i][0]);
-                see(i, {end.qd[i], end.qd[i]}, l.velocityLower, l.velocityUpper, sizes_[i][1]);
-                see(i, {end.qdd[i], end.qdd[i]}, l.accelerationLower, l.accelerationUpper, sizes_[i][2]);
-            }
+            for (int i = 0; i < guard.size() && !isLoose_; ++i)
+                seePath(i, PathRange({end.q[i], end.qd[i], end.qdd[i]}));
         }
         guard.missTicks(missed);
         missed_ += missed;
@@ -174,7 +158,7 @@ private:
             const double scale = calcSize(limits_.position.lower[i], limits_.position.upper[i], std::abs(end.q[i]));
             // Tick by tick rounding adds up.
             if (!(std::abs(there.q[i] - end.q[i]) <= 1e-11 * scale))
-                fail("missed ticks lead elsewhere than calcStop()", there.q[i] - end.q[i], i);
+                blame("missed ticks lead elsewhere than calcStop()", there.q[i] - end.q[i], i);
         }
         state_ = there;
     }
@@ -195,21 +179,15 @@ private:
         for (int i = 0; i < guard.size(); ++i) {
             const AxisLimits l = limits_.axis(i);
             const PathRange tick = walkTick({state_.q[i], state_.qd[i], state_.qdd[i]}, next.jerk[i], tick_s_);
-            const Range* ranges[] = {&tick.p, &tick.v, &tick.a};
-            for (int q = 0; q < 3; ++q) sizes_[i][q] = std::max(sizes_[i][q], static_cast<double>(ranges[q]->size()));
-            if (!isLoose_) {
-                see(i, tick.p, l.positionLower, l.positionUpper, sizes_[i][0]);
-                see(i, tick.v, l.velocityLower, l.velocityUpper, sizes_[i][1]);
-                see(i, tick.a, l.accelerationLower, l.accelerationUpper, sizes_[i][2]);
-                see(i, {next.jerk[i], next.jerk[i]}, l.jerkLower, l.jerkUpper, 0.0);
-            }
+            seePath(i, tick);
+            if (!isLoose_) see(i, 3, {next.jerk[i], next.jerk[i]}, 0.0);
             const AxisState end = advance({state_.q[i], state_.qd[i], state_.qdd[i]}, next.jerk[i], tick_s_);
             // At the end of a stop what rounding has left of the motion is taken away.
             const double jump =
                 std::max({std::abs(end.p - next.state.q[i]), std::abs(end.v - next.state.qd[i]) * tick_s_,
                           std::abs(end.a - next.state.qdd[i]) * tick_s_ * tick_s_});
             if (!(jump <= kAllowed * calcSize(l.positionLower, l.positionUpper, sizes_[i][0])))
-                fail("the reference is not what its jerk makes of the one before", jump, i);
+                blame("the reference is not what its jerk makes of the one before", jump, i);
             moving_ += std::abs(end.v) > 0.01 * std::min({-l.velocityLower, l.velocityUpper, 1.0});
         }
         state_ = next.state;
@@ -218,19 +196,27 @@ private:
     /** What rounding leaves of a stop may be reported as recovering. */
     bool isRounding(const ReferenceGuard& guard) const { return guard.record().verdict != StopVerdict::NoStop; }
 
-    void see(int i, const Range& x, double lower, double upper, double seen) {
-        Real beyond = std::max(x.largest - upper, lower - x.least);
-        if (beyond != 0) beyond /= calcSize(lower, upper, seen);
-        worst_ = std::max(worst_, beyond);
-        if (!(beyond <= kAllowed)) fail("a limit is passed (relative)", static_cast<double>(beyond), i);
+    void seePath(int i, const PathRange& path) {
+        for (int q = 0; q < 3; ++q) {
+            sizes_[i][q] = std::max(sizes_[i][q], static_cast<double>(getRange(path, q).size()));
+            if (!isLoose_) see(i, q, getRange(path, q), sizes_[i][q]);
+        }
     }
 
-    void fail(const char* what, double excess, int i) {
+    void see(int i, int quantity, const Range& x, double seen) {
+        const Sides limit = getSides(limits_.axis(i), quantity);
+        Real beyond = std::max(x.largest - limit.upper, limit.lower - x.least);
+        if (beyond != 0) beyond /= calcSize(limit.lower, limit.upper, seen);
+        worst_ = std::max(worst_, beyond);
+        if (!(beyond <= kAllowed)) blame("a limit is passed (relative)", static_cast<double>(beyond), i);
+    }
+
+    /** A violation of the guard's reference. */
+    void blame(const char* what, double excess, int i) {
         run_.fail(what, excess, i, {state_.q[i], state_.qd[i], state_.qdd[i]}, limits_.axis(i), tick_s_);
     }
 
-    void report() {
-        run_.print();
+    void report() override {
         std::printf("  missed ticks %lld, changes of limits %lld; worst beyond a limit (relative) %.2Lg\n",
                     static_cast<long long>(missed_), static_cast<long long>(changes_), worst_);
         run_.expectShare("joint steps in motion", moving_, run_.steps(), kLeastMotion);
@@ -240,7 +226,6 @@ private:
 
     static constexpr double kLeastPassed = 0.9;
 
-    Run run_;
     JointLimits limits_;
     double tick_s_ = 0.0;
     MotionState state_;

@@ -1,8 +1,7 @@
 #include <cstdio>
 
-#include "Arms.h"
+#include "ArmProperty.h"
 #include "FastestReturn.h"
-#include "Properties.h"
 
 namespace viable {
 
@@ -21,20 +20,6 @@ constexpr double kLongWay = 50.0;   // [ticks]
 constexpr int kLongestWait = 3000;  // [ticks]
 
 constexpr const char* kNames[] = {"position", "velocity", "acceleration"};
-
-/** Lower and upper limit of a quantity: 0 position, 1 velocity, 2 acceleration. */
-struct Sides {
-    double lower, upper;
-};
-Sides getSides(const AxisLimits& l, int quantity) {
-    const Sides sides[] = {{l.positionLower, l.positionUpper},
-                           {l.velocityLower, l.velocityUpper},
-                           {l.accelerationLower, l.accelerationUpper}};
-    return sides[quantity];
-}
-const Range& getRange(const PathRange& path, int quantity) {
-    return quantity == 0 ? path.p : quantity == 1 ? path.v : path.a;
-}
 
 /** How far `x` is beyond its limits; <= 0: inside. */
 Real calcBeyond(const Range& x, const Sides& limit) {
@@ -64,18 +49,13 @@ struct ArmTrack {
     Real farther[3] = {-INFINITY, -INFINITY, -INFINITY};  ///< than the fastest stop [ticks of travel]
 };
 
-class ReturnProperty {
+class ReturnProperty : public ArmProperty {
 public:
-    ReturnProperty(const char* name, const Options& options, bool changes) : run_(name, options), changes_(changes) {}
-
-    bool check() {
-        while (run_.nextArm()) followArm();
-        report();
-        return run_.isGood();
-    }
+    ReturnProperty(const char* name, const Options& options, bool changes)
+        : ArmProperty(name, options), changes_(changes) {}
 
 private:
-    void followArm() {
+    void followArm() override {
         Random random(run_.seed(), run_.arm());
         Arm arm(random);
         arm_ = &arm;
@@ -221,12 +201,7 @@ private:
         }
     }
 
-    void fail(const char* what, double excess, int i) {
-        run_.fail(what, excess, i, arm_->at(i), arm_->limits.axis(i), arm_->tick_s);
-    }
-
-    void report() {
-        run_.print();
+    void report() override {
         std::printf("  ticks on the way back %lld\n", static_cast<long long>(recovering_));
         std::printf("  worst excess: position %.3g rad, velocity %.3g rad/s, acceleration %.3g rad/s^2\n", worst_[0],
                     worst_[1], worst_[2]);
@@ -242,9 +217,7 @@ private:
         ticks_.print("shorter ways: longer than the fastest by [ticks]");
     }
 
-    Run run_;
     bool changes_;
-    Arm* arm_ = nullptr;
     std::vector<ArmTrack> ways_;
     std::vector<std::vector<AxisLimits>> earlier_;
     std::vector<PathRange> before_;  ///< the stops of one tick before

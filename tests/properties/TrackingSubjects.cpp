@@ -1,21 +1,11 @@
 #include "TrackingSubjects.h"
 
-#include <algorithm>
-#include <initializer_list>
-
+#include "Joints.h"
 #include "Paths.h"
 
 namespace viable {
 
-namespace {
-
-JointVector expand(std::initializer_list<double> values) {
-    JointVector v(static_cast<Eigen::Index>(values.size()));
-    std::copy(values.begin(), values.end(), v.data());
-    return v;
-}
-
-}  // namespace
+using test::joints;
 
 const char* getName(Kind kind) {
     constexpr const char* kNames[] = {"friction", "constant", "known", "pushes", "payload", "readings", "all"};
@@ -47,11 +37,11 @@ Subject loadSubject(const std::string& name, bool anywhere) {
     };
     DisturbanceSet& set = s.all;
     if (name == "indy7") {  // experiments/indy7_real_limits.yaml, with pushes and reading errors
-        const JointVector center = kPi * expand({0.0, -1.0 / 12.0, -0.5, 0.0, -5.0 / 12.0, 0.0});
-        const JointVector half = kPi * expand({1.0 / 6.0, 1.0 / 12.0, 1.0 / 6.0, 1.0 / 12.0, 1.0 / 6.0, 1.0 / 3.0});
+        const JointVector center = kPi * joints(0.0, -1.0 / 12.0, -0.5, 0.0, -5.0 / 12.0, 0.0);
+        const JointVector half = kPi * joints(1.0 / 6.0, 1.0 / 12.0, 1.0 / 6.0, 1.0 / 12.0, 1.0 / 6.0, 1.0 / 3.0);
         s.limits.position = {center - half, center + half};
         setLimits(s.limits, 0.8, 2.0, 10.0);
-        s.gains = {expand({1950, 2600, 1000, 400, 450, 390}), 78.0, 8.0};
+        s.gains = {joints(1950, 2600, 1000, 400, 450, 390), 78.0, 8.0};
         set.frictionScale = 3.0;
         set.payload_kg = 7.0;
         set.massError = 0.05;
@@ -66,7 +56,7 @@ Subject loadSubject(const std::string& name, bool anywhere) {
         set.frictionScale = 0.1;
         set.payload_kg = 0.05;
         set.massError = 0.01;
-        set.externalTorque_Nm = expand({0.3, 0.05});
+        set.externalTorque_Nm = joints(0.3, 0.05);
         set.readingError_rad = 1e-5;
     } else if (name == "planar_two_link") {
         setLimits(s.limits, 0.5, 2.0, 20.0);
@@ -77,8 +67,8 @@ Subject loadSubject(const std::string& name, bool anywhere) {
         set.payloadOffset_m = 0.05;
         set.massError = 0.05;
         set.baseTilt_rad = 0.02;
-        set.externalTorque_Nm = expand({1.0, 0.2});
-        set.torqueRipple_Nm = expand({0.3, 0.1});
+        set.externalTorque_Nm = joints(1.0, 0.2);
+        set.torqueRipple_Nm = joints(0.3, 0.1);
         set.readingError_rad = 1e-5;
     } else if (name == "ur5e") {
         stayNearHome();
@@ -112,7 +102,7 @@ Subject loadSubject(const std::string& name, bool anywhere) {
         set.readingError_rad = 1e-6;
     } else {                                  // single_joint
         s.robot.gravity = {-9.81, 0.0, 0.0};  // else a payload would have no weight
-        friction = {expand({2.0}), expand({10.0}), expand({0.5})};
+        friction = {joints(2.0), joints(10.0), joints(0.5)};
         setLimits(s.limits, 1.0, 3.0, 30.0);
         s.gains = {300.0, 30.0, 50.0};
         set.delayTicks = 1;

@@ -3,12 +3,45 @@
 import os
 import subprocess
 import sys
+import tempfile
 import unittest
 from pathlib import Path
 
 import numpy as np
 
 import viable
+
+EXPERIMENTS = Path(os.environ["VIABLE_SOURCE_DIR"]) / "experiments"
+EFFORT = float(os.environ.get("VIABLE_EFFORT", "1"))
+
+
+def assert_same(found, expected, message=""):
+    """Arrays that are the same to the bit, one by one."""
+    for values, wanted in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(values, wanted, message)
+
+
+def expect_refusals(test, *refused):
+    """Each of these (what is called, what the error says) is refused."""
+    for call, cause in refused:
+        with test.subTest(cause=cause), test.assertRaisesRegex(viable.InputError, cause):
+            call()
+
+
+def make_forms(values):
+    """The same numbers as arrays of other kinds and as a list."""
+    wide = np.zeros((len(values), 2 * values.shape[1]))
+    wide[:, ::2] = values
+    frozen = values.copy()
+    frozen.flags.writeable = False
+    return values, values.astype(float), values.tolist(), np.asfortranarray(values), wide[:, ::2], frozen
+
+
+def run_teleoperation(test, case, settings):
+    """The log of a case of the main experiment."""
+    out = Path(test.enterContext(tempfile.TemporaryDirectory())) / "run"
+    viable.run(EXPERIMENTS / "indy7_teleoperation.yaml", cases=case, out=out, set=settings)
+    return viable.Log(out / f"{case}.mcap")
 
 
 def find_largest(pairs):

@@ -24,16 +24,14 @@ class Examples(unittest.TestCase):
         ended = subprocess.run([sys.executable, "-B", SOURCE / "tools/python/examples" / f"{name}.py", *map(str, arguments)],
                                capture_output=True, text=True, cwd=self.folder)
         self.assertEqual(ended.returncode, 0, ended.stderr)
-        picture = Path(self.folder) / f"{name}.png"
+        picture = self.folder / f"{name}.png"
         if f"{name}.png" in ended.stdout:
             self.assertEqual(picture.exists(), HAS_MATPLOTLIB)
             self.assertIn("wrote" if HAS_MATPLOTLIB else "apt-get install python3-matplotlib", ended.stdout)
         return ended.stdout
 
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.folder = scratch.name
+        self.folder = Path(self.enterContext(tempfile.TemporaryDirectory()))
 
     def test_compare_laws(self):
         text = self.run_script("compare_laws", SOURCE / "experiments/indy7_teleoperation.yaml", 5)
@@ -54,11 +52,11 @@ class Examples(unittest.TestCase):
 
     def test_identify_friction(self):
         """From a CSV as another program might write it."""
-        viable.run(SOURCE / "experiments/indy7_teleoperation.yaml", cases="C3", out=Path(self.folder) / "run",
+        viable.run(SOURCE / "experiments/indy7_teleoperation.yaml", cases="C3", out=self.folder / "run",
                    set={"duration_s": 8})
-        log = viable.Log(Path(self.folder) / "run/C3.mcap")
+        log = viable.Log(self.folder / "run/C3.mcap")
         q, torque = log.joint_array("real", "q_rad"), log.joint_array("motor", "tau_Nm")
-        with open(Path(self.folder) / "arm.csv", "w", newline="") as file:
+        with open(self.folder / "arm.csv", "w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow(["time_s", *(f"{joint}_rad" for joint in log.joints), *(f"{joint}_Nm" for joint in log.joints)])
             writer.writerows(np.column_stack([log["time_s"], q, torque]).tolist())

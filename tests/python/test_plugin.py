@@ -1,5 +1,6 @@
 """Plugins in Python: classes of a .py file in a run, and what becomes of their faults (fault 90)."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -46,12 +47,13 @@ class Law:
 
 class Plugins(unittest.TestCase):
     def setUp(self):
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.folder = Path(scratch.name)
+        self.folder = Path(self.enterContext(tempfile.TemporaryDirectory()))
 
     def write(self, code, name="law.py"):
         (self.folder / name).write_text(textwrap.dedent(code), encoding="utf-8")
+
+    def read_joints(self, run, group, name):
+        return viable.Log(self.folder / run / "A.mcap").joint_array(group, name)
 
     def write_experiment(self, changes=()):
         """The experiment with the lines that begin as `changes` do replaced by them."""
@@ -71,19 +73,24 @@ class Plugins(unittest.TestCase):
                    + textwrap.indent(textwrap.dedent(body), "        "))
         return self.run_with(f"{key}: {{plugin: law.py:Law}}", **options)
 
+    def expect_good(self, summary):
+        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+
+    def assert_contains(self, told, texts):
+        for text in texts:
+            self.assertIn(text, told)
+
     def expect_fault(self, summary, *texts):
         """The arm was braked, and the run says why."""
-        self.assertEqual(summary["exit_code"], 4, summary["cases"]["A"]["stop"])
         case = summary["cases"]["A"]
-        for text in texts:
-            self.assertIn(text, case["stop"])
+        self.assertEqual(summary["exit_code"], 4, case["stop"])
+        self.assert_contains(case["stop"], texts)
         return case
 
     def expect_refusal(self, *texts, changes=("controller: {plugin: law.py:Law}",)):
         with self.assertRaises(viable.Error) as caught:
             self.run_with(*changes)
-        for text in texts:
-            self.assertIn(text, str(caught.exception))
+        self.assert_contains(str(caught.exception), texts)
         return caught.exception
 
     # --- what they can do
@@ -92,31 +99,27 @@ class Plugins(unittest.TestCase):
         self.write(CONTROLLER)
         self.run_with("controller: {plugin: law.py:Law}", out=self.folder / "python")
         self.run_with(out=self.folder / "compiled")
-        logs = [viable.Log(self.folder / name / "A.mcap") for name in ("python", "compiled")]
         for group, unit in (("desired", "tau_Nm"), ("nominal", "q_rad")):
-            first, second = (log.joint_array(group, unit) for log in logs)
+            first, second = (self.read_joints(name, group, unit) for name in ("python", "compiled"))
             np.testing.assert_allclose(first, second, atol=1e-6)  # whose order of additions is another one
-        self.assertGreater(np.ptp(logs[0].joint_array("nominal", "q_rad")[:, 0]), 0.1)
+        self.assertGreater(np.ptp(first[:, 0]), 0.1)
 
     def test_a_filter_holds_jerks_accelerations_or_passes(self):
-        for word, code, check in (
-                ("jerk", "return np.array([3.0, -2.0])", lambda log: log.joint_array("nominal", "jerk_radps3")),
-                ("acceleration", "return np.array([3.0, -2.0])", lambda log: log.joint_array("nominal", "qdd_radps2")[1:])):
+        for word, name, begin in (("jerk", "jerk_radps3", 0), ("acceleration", "qdd_radps2", 1)):
             self.write(f"import numpy as np\nclass Law:\n    holds = '{word}'\n"
-                       f"    def filter(self, nominal, torque, dynamics):\n        {code}\n")
+                       "    def filter(self, nominal, torque, dynamics):\n        return np.array([3.0, -2.0])\n")
             self.run_with("filter: {plugin: law.py:Law}", "duration_s: 0.05", out=self.folder / word)
-            values = check(viable.Log(self.folder / word / "A.mcap"))
+            values = self.read_joints(word, "nominal", name)[begin:]
             np.testing.assert_allclose(values, np.broadcast_to([3.0, -2.0], values.shape), atol=1e-9)
         self.write("class Law:\n    def filter(self, nominal, torque, dynamics):\n        return None\n")
         self.run_with("filter: {plugin: law.py:Law}", out=self.folder / "none")
         self.run_with("filter: {plugin: pass_through}", out=self.folder / "pass")
-        one, other = (viable.Log(self.folder / name / "A.mcap").joint_array("nominal", "q_rad") for name in ("none", "pass"))
-        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(*(self.read_joints(name, "nominal", "q_rad") for name in ("none", "pass")))
 
     def test_filters_in_a_row_and_a_guarantee_behind_them(self):
         self.write("class Law:\n    def filter(self, nominal, torque, dynamics):\n        return 1e7 * torque\n")
         summary = self.run_with("filter: [{plugin: law.py:Law}, certified_braking]", "duration_s: 1")
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(summary)
         self.assertIn("all limits kept", summary["cases"]["A"]["verdict"])
 
     def test_a_command_in_joints_and_of_the_tool(self):
@@ -136,8 +139,7 @@ class Plugins(unittest.TestCase):
                     pose[2, 3] -= 0.1 * t
                     return pose
             """)
-        summary = self.run_with("command: {plugin: law.py:Law}", "controller: {plugin: tool_servo}")
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(self.run_with("command: {plugin: law.py:Law}", "controller: {plugin: tool_servo}"))
 
     def test_a_class_hears_of_arm_limits_and_parameters(self):
         self.write("""
@@ -151,12 +153,8 @@ class Plugins(unittest.TestCase):
                 def compute(self, command, nominal, dynamics):
                     return dynamics.b
             """)
-        here = os.getcwd()
-        os.chdir(self.folder)
-        try:
+        with contextlib.chdir(self.folder):
             self.run_with("controller: {plugin: law.py:Law, gain: 2*pi, mode: fast, many: [[1, 2], [2.5]], on: true, name: '7', more: [.inf, pi]}")
-        finally:
-            os.chdir(here)
         given = json.loads((self.folder / "given.json").read_text())
         robot = viable.Robot("planar_two_link")
         self.assertEqual(given[:6], [2 * np.pi, "fast", [[1, 2], [2.5]], True, "7", {"more": [np.inf, np.pi]}])
@@ -220,8 +218,7 @@ class Plugins(unittest.TestCase):
                     assert local.word == "kept"
                     return dynamics.b
             """)
-        summary = self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.05")
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.05"))
 
     def test_what_open_files_hold_back_is_written(self):
         for isolate in (False, True):
@@ -244,8 +241,7 @@ class Plugins(unittest.TestCase):
         self.write(CONTROLLER)
         for name in ("here", "isolated"):
             self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.1", isolate=name == "isolated", out=self.folder / name)
-        one, other = (viable.Log(self.folder / name / "A.mcap").joint_array("nominal", "q_rad") for name in ("here", "isolated"))
-        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(*(self.read_joints(name, "nominal", "q_rad") for name in ("here", "isolated")))
 
     # --- what is wrong with them before a run
 
@@ -310,8 +306,7 @@ class Plugins(unittest.TestCase):
 
     def expect_failed_check(self, changes, *texts):
         told = self.call(4, "check", self.write_experiment(changes))
-        for text in texts:
-            self.assertIn(text, told)
+        self.assert_contains(told, texts)
         self.assertNotIn("report", told)
 
     def call(self, code, *words, program=None, **more):
@@ -336,10 +331,9 @@ class Plugins(unittest.TestCase):
     def test_live_refuses_it_with_the_reason(self):
         self.write(CONTROLLER)
         file = self.write_experiment(["controller: {plugin: law.py:Law}"])
-        told = self.call(2, "live", file, "--duration", "1")
-        for text in ("a class in Python cannot drive an arm in real time", "330 ms at worst", "viable new controller NAME", "stream",
-                     "law.yaml"):
-            self.assertIn(text, told)
+        self.assert_contains(self.call(2, "live", file, "--duration", "1"),
+                             ("a class in Python cannot drive an arm in real time", "330 ms at worst", "viable new controller NAME",
+                              "stream", "law.yaml"))
 
     def test_without_the_module_the_remedy_is_told(self):
         """The program alone, as the Debian package viable has it."""
@@ -352,9 +346,8 @@ class Plugins(unittest.TestCase):
         os.symlink(build.parent / "lib", root / "lib")
         self.write(CONTROLLER)
         file = self.write_experiment(["controller: {plugin: law.py:Law}"])
-        told = self.call(2, "run", file, program=root / "bin/viable")
-        for text in ("viable_python.so", "python3-viable", "Tried: "):
-            self.assertIn(text, told)
+        self.assert_contains(self.call(2, "run", file, program=root / "bin/viable"),
+                             ("viable_python.so", "python3-viable", "Tried: "))
 
     # --- what goes wrong in a tick
 
@@ -371,11 +364,11 @@ class Plugins(unittest.TestCase):
         summary = self.run_law("if self.ticks > 400: raise KeyError('x')\nreturn dynamics.M @ [3.0, 3.0] + dynamics.b",
                                out=self.folder / "run")
         self.expect_fault(summary, "KeyError: 'x'")
-        log = viable.Log(self.folder / "run/A.mcap")
-        self.assertGreater(abs(log.joint_array("nominal", "qd_radps")).max(), 0.2)
-        np.testing.assert_allclose(log.joint_array("nominal", "qd_radps")[-1], 0, atol=1e-3)
+        qd, jerk = (self.read_joints("run", "nominal", name) for name in ("qd_radps", "jerk_radps3"))
+        self.assertGreater(abs(qd).max(), 0.2)
+        np.testing.assert_allclose(qd[-1], 0, atol=1e-3)
         limits = viable.Robot("planar_two_link").limits
-        self.assertLessEqual(abs(log.joint_array("nominal", "jerk_radps3")).max(), limits.jerk[1].max() * (1 + 1e-9))
+        self.assertLessEqual(abs(jerk).max(), limits.jerk[1].max() * (1 + 1e-9))
 
     def test_a_filter_and_a_command_that_raise(self):
         self.expect_fault(self.run_law("raise ValueError('f')", "filter(self, nominal, torque, dynamics)", "filter"),
@@ -407,25 +400,20 @@ class Plugins(unittest.TestCase):
 
     def test_nan_is_answered_as_of_any_plugin(self):
         self.expect_fault(self.run_law("return dynamics.b * np.nan"), "it gave no usable torque")
-        summary = self.run_law("return dynamics.b * (np.nan if self.ticks % 50 == 7 else 1)")
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(self.run_law("return dynamics.b * (np.nan if self.ticks % 50 == 7 else 1)"))
         self.expect_fault(self.run_law("return [np.inf, 0]", "filter(self, nominal, torque, dynamics)", "filter"),
                           "its decision has the wrong size or is not finite")
 
     def test_what_it_is_given_is_its_own(self):
-        summary = self.run_law("for x in (*nominal, dynamics.M, dynamics.b, command.q): x[:] = np.nan\nreturn np.zeros(2)")
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(self.run_law("for x in (*nominal, dynamics.M, dynamics.b, command.q): x[:] = np.nan\nreturn np.zeros(2)"))
 
     def test_a_hang_is_named_and_isolated_the_arm_is_braked(self):
         self.write("class Law:\n    ticks = 0\n    def compute(self, command, nominal, dynamics):\n        self.ticks += 1\n"
                    "        while self.ticks > 20: pass\n        return dynamics.b\n")
         file = self.write_experiment(["controller: {plugin: law.py:Law}"])
-        told = self.call(4, "run", file, "--no-report", "--watchdog", "1", timeout=60)
-        self.assertIn("'Law'", told)
-        self.assertIn("in tick 20", told)
+        self.assert_contains(self.call(4, "run", file, "--no-report", "--watchdog", "1", timeout=60), ("'Law'", "in tick 20"))
         self.call(4, "run", file, "--no-report", "--isolate", "--watchdog", "1", "--out", "isolated", timeout=60)
-        log = viable.Log(self.folder / "isolated/A.mcap")
-        np.testing.assert_allclose(log.joint_array("nominal", "qd_radps")[-1], 0, atol=1e-3)
+        np.testing.assert_allclose(self.read_joints("isolated", "nominal", "qd_radps")[-1], 0, atol=1e-3)
 
     def test_ctrl_c_ends_a_run_with_its_log(self):
         self.write("import time\nclass Law:\n    def compute(self, command, nominal, dynamics):\n        time.sleep(0.002)\n"
@@ -441,8 +429,7 @@ class Plugins(unittest.TestCase):
         self.assertGreater(len(viable.Log(self.folder / "run/A.mcap")["time_s"]), 10)
 
     def test_garbage_is_collected_in_the_middle_of_a_call(self):
-        summary = self.run_law("import gc\nx = []; x.append(x); del x\ngc.collect()\nreturn dynamics.b", set={"duration_s": 0.1})
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(self.run_law("import gc\nx = []; x.append(x); del x\ngc.collect()\nreturn dynamics.b", set={"duration_s": 0.1}))
 
     def test_threads_of_its_own_do_not_lock_it_out(self):
         self.write("""
@@ -455,8 +442,7 @@ class Plugins(unittest.TestCase):
                 def compute(self, command, nominal, dynamics):
                     return dynamics.b
             """)
-        summary = self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.05")
-        self.assertEqual(summary["exit_code"], 0, summary["cases"]["A"]["stop"])
+        self.expect_good(self.run_with("controller: {plugin: law.py:Law}", "duration_s: 0.05"))
 
     def test_it_leaves_the_programs_ways_alone(self):
         """Locale, signals, working folder and the allocations of a tick: no warning."""

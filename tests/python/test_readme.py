@@ -18,20 +18,16 @@ class Readme(unittest.TestCase):
         self.assertGreaterEqual(len(blocks), 3)
         # Short runs show the same.
         blocks = [block.replace('"duration_s": 10', '"duration_s": 5').replace("runs=100", "runs=2").replace("4096", "256") for block in blocks]
-        folder = os.getcwd()
-        with tempfile.TemporaryDirectory() as scratch, contextlib.redirect_stdout(io.StringIO()) as printed:
-            os.chdir(scratch)
-            try:
-                os.symlink(SOURCE / "experiments", "experiments")
-                os.symlink(SOURCE / "robots", "robots")
-                namespace = {}
-                for block in blocks:
-                    try:
-                        exec(block, namespace)
-                    except Exception as error:
-                        raise AssertionError(f"this block of the README raised {error!r}:\n{block}") from error
-            finally:
-                os.chdir(folder)
+        self.enterContext(contextlib.chdir(self.enterContext(tempfile.TemporaryDirectory())))
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            os.symlink(SOURCE / "experiments", "experiments")
+            os.symlink(SOURCE / "robots", "robots")
+            namespace = {}
+            for block in blocks:
+                try:
+                    exec(block, namespace)
+                except Exception as error:
+                    raise AssertionError(f"this block of the README raised {error!r}:\n{block}") from error
         self.assertIn("limited", printed.getvalue())
 
 

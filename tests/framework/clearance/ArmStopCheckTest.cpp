@@ -18,6 +18,8 @@ using detail::ArmStopCheck;
 constexpr double kTick_s = 1e-3;
 /** From here on clearances need not be told apart, by the check and by the judge [m]. */
 constexpr double kAhead_m = 0.1, kHorizon_m = 0.3;
+/** Corner of what is around an arm [m]. */
+const Eigen::Vector3d kFar = Eigen::Vector3d::Constant(3.0);
 
 struct Subject {
     explicit Subject(RobotDescription r) : robot(std::move(r)), geometry(loadArmGeometry(robot)) {
@@ -27,11 +29,6 @@ struct Subject {
     RobotDescription robot;
     ArmGeometry geometry;
 };
-
-std::vector<RobotDescription> loadArms() {
-    return {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"),
-            makeSlidingArm()};
-}
 
 /** The same of every element [m]. */
 ArmStopCheck::Demands makeDemands(const ArmStopCheck& check, double floor, double least, double far) {
@@ -99,8 +96,7 @@ TEST(ArmStopCheck, WhatIsProvenBetweenLooksHoldsAtEveryPose) {
         int clear = 0, refused = 0, near = 0;
         for (int round = 0; round < kPaths; ++round) {
             const Environment environment = drawThinThings(random);
-            const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
-            const Surroundings surroundings(environment, -far, far, 1.0);
+            const Surroundings surroundings(environment, -kFar, kFar, 1.0);
             check.setSurroundings(&surroundings);
             const ArmPath path = drawPath(n, random, round % 3 == 0 ? 1.0 : round % 3 == 1 ? 0.3 : 0.03);
             check.beginTick();
@@ -186,8 +182,7 @@ TEST(ArmStopCheck, WhatAnotherJerkWouldBreakIsForeseen) {
         int count = 0, carried = 0, most = 0;
         for (int round = 0; round < 400; ++round) {
             const Environment environment = drawThinThings(random);
-            const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
-            const Surroundings surroundings(environment, -far, far, 1.0);
+            const Surroundings surroundings(environment, -kFar, kFar, 1.0);
             check.setSurroundings(&surroundings);
             const auto draw = [&](double size) {
                 return JointVector(JointVector::NullaryExpr(n, [&] { return size * share(random); }));
@@ -291,8 +286,7 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
         for (int round = 0; round < kChains; ++round) {
             Environment environment = drawThinThings(random);
             environment.spheres.push_back(drawMovingSphere(random));
-            const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
-            const Surroundings surroundings(environment, -far, far, 1.0);
+            const Surroundings surroundings(environment, -kFar, kFar, 1.0);
             check.setSurroundings(&surroundings);
             plain.setSurroundings(&surroundings);
             const CollisionChecker checker(subject.robot, subject.geometry, environment);
@@ -402,13 +396,8 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         const int moved = round % 3;
         s.qd[moved] = 0.8 + 0.15 * share(random);
         s.qdd[moved] = -12.0;
-        std::array<GridStop, kMaxJoints> stops;
-        for (int i = 0; i < n; ++i) {
-            const AxisState after = advance({s.q[i], s.qd[i], s.qdd[i]}, 0.0, kTick_s);
-            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
-        }
-        ArmPath path;
-        path.set(s, JointVector::Zero(n), stops, kTick_s);
+        const JointVector zero = JointVector::Zero(n);
+        const ArmPath path = Begun{s, zero, {}}.turn(zero, limits).path();
         // The ball stands 2 mm in the way of the last capsule's end, where the joint turns.
         constexpr int kPoses = 1000;
         JointVector q, turned = s.q;
@@ -435,17 +424,13 @@ TEST(ArmStopCheck, ABallWhereTheArmTurnsIsNotMissed) {
         };
         if (!(least < 0.0 && isFree(s.q) && isFree(q))) continue;
         ++hits;
-        const Eigen::Vector3d far = Eigen::Vector3d::Constant(3.0);
-        const Surroundings surroundings(environment, -far, far, 1.0);
+        const Surroundings surroundings(environment, -kFar, kFar, 1.0);
         check.setSurroundings(&surroundings);
         check.beginTick();
-        const auto elements = static_cast<std::size_t>(check.elements());
-        ArmStopCheck::Demands demands;
-        demands.floor.assign(elements, 0.0);
-        demands.least.assign(elements, detail::bisection::kGuard_m);
-        demands.reached = demands.least;
-        demands.ahead = demands.far = demands.least;
-        check.examine(path, 0.0, demands, JointVector::Zero(n), {}, false, result);
+        ArmStopCheck::Demands demands =
+            makeDemands(check, 0.0, detail::bisection::kGuard_m, detail::bisection::kGuard_m);
+        demands.ahead = demands.far;
+        check.examine(path, 0.0, demands, zero, {}, false, result);
         EXPECT_FALSE(result.isClear) << round;
     }
     EXPECT_GT(hits, 100);

@@ -89,9 +89,7 @@ TEST(CapsuleMotion, BoundsHoldAtEveryPoseOfThePath) {
             path.calcPositions(path.duration() * t / kPoses, q);
             motion.calcPose(q, poses[static_cast<std::size_t>(t)]);
         }
-        ArmPath::Extremes extremes;
-        path.calcExtremes(extremes);
-        motion.setPath(extremes, poses.front());
+        motion.setPath(calcExtremes(path), poses.front());
         const double step_s = path.duration() / kPoses;
         for (std::size_t k = 0; k < capsules.size(); ++k) {
             const int capsule = static_cast<int>(k);

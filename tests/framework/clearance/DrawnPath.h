@@ -14,6 +14,12 @@ inline GridStop planStop(const MotionState& s, int i, double jerk, const AxisLim
     return stop;
 }
 
+inline detail::ArmPath::Extremes calcExtremes(const detail::ArmPath& path) {
+    detail::ArmPath::Extremes extremes;
+    path.calcExtremes(extremes);
+    return extremes;
+}
+
 /** How large the parts of a drawn path are; each is drawn evenly to both sides of zero, and `size` shares of velocity
 and acceleration are taken. */
 struct DrawnPath {

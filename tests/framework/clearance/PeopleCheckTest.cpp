@@ -41,6 +41,11 @@ PeopleObservation see(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double
 PeopleObservation seeBall(double x, double stamp_s) {
     return see({x, 0, 0}, {x, 0, 0}, 0.1, stamp_s);
 }
+PeopleObservation tell(PersonObservation::Kind kind, double stamp_s = 0.0) {
+    PeopleObservation told = seeBall(0.0, stamp_s);
+    told.people[0].kind = kind;
+    return told;
+}
 
 TEST(PeopleWatch, TellsWhoIsWhereNobodyWasExpected) {
     PeopleWatch watch({makePerson(1.0, 0.1, 0.02, 0.0)});
@@ -70,25 +75,19 @@ TEST(PeopleWatch, WhoIsLostMayBeAnywhereByAndBy) {
     PeopleWatch watch({makePerson(1.0, 0.0, 0.0, 0.0)});
     watch.take(seeBall(2.0, 0.0), 0.0);
     EXPECT_EQ(watch.faults().appeared, 0) << "there from the start on";
-    PeopleObservation none = seeBall(0.0, 0.0);
-    none.people[0].kind = PersonObservation::Kind::Unseen;
+    PeopleObservation none = tell(PersonObservation::Kind::Unseen);
     EXPECT_TRUE(watch.take(none, 0.1));
     const std::int64_t version = none.version;
-    none = seeBall(0.0, 0.0);
-    none.people[0].kind = PersonObservation::Kind::Unseen;
+    none = tell(PersonObservation::Kind::Unseen);
     EXPECT_GT(none.version, version);
     EXPECT_TRUE(watch.take(none, 0.2));
     EXPECT_EQ(watch.faults().lost, 1) << "once";
     EXPECT_TRUE(watch.known()[0].isKnown);
     EXPECT_DOUBLE_EQ(watch.known()[0].calcGrowth(1.0), 1.0);
     EXPECT_TRUE(watch.take(seeBall(1.2, 1.0), 1.0)) << "as far as it can have come";
-    PeopleObservation gone = seeBall(0.0, 0.0);
-    gone.people[0].kind = PersonObservation::Kind::Gone;
-    EXPECT_TRUE(watch.take(gone, 1.1));
+    EXPECT_TRUE(watch.take(tell(PersonObservation::Kind::Gone), 1.1));
     EXPECT_TRUE(watch.known()[0].isKnown) << "from before the last observation";
-    gone = seeBall(0.0, 1.05);
-    gone.people[0].kind = PersonObservation::Kind::Gone;
-    EXPECT_TRUE(watch.take(gone, 1.1));
+    EXPECT_TRUE(watch.take(tell(PersonObservation::Kind::Gone, 1.05), 1.1));
     EXPECT_FALSE(watch.known()[0].isKnown);
     EXPECT_EQ(watch.faults().lost, 1);
 }
@@ -126,14 +125,12 @@ TEST(PeopleWatch, SomebodyUnknownWhoCannotBeToldBlindsUntilHeCan) {
     refused.lastRefused = 0;
     watch.take(refused, 0.5);
     EXPECT_TRUE(watch.isBlind());
-    PeopleObservation gone = seeBall(0.0, 0.6);
-    gone.people[0].kind = PersonObservation::Kind::Gone;
+    PeopleObservation gone = tell(PersonObservation::Kind::Gone, 0.6);
     gone.refused = gone.people[0].refused = 1;
     gone.people[0].stamp_s = 0.4;
     watch.take(gone, 0.6);
     EXPECT_TRUE(watch.isBlind()) << "from before nobody knew";
-    gone = seeBall(0.0, 0.6);
-    gone.people[0].kind = PersonObservation::Kind::Gone;
+    gone = tell(PersonObservation::Kind::Gone, 0.6);
     gone.refused = gone.people[0].refused = 1;
     watch.take(gone, 0.6);
     EXPECT_FALSE(watch.isBlind());
@@ -186,8 +183,7 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
     std::uniform_real_distribution<double> share(0.0, 1.0);
     std::normal_distribution<double> normal;
     const auto direction = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized(); };
-    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
-                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+    for (const RobotDescription& robot : loadArms()) {
         const ArmGeometry geometry = loadArmGeometry(robot);
         int kept = 0, broken = 0, refused = 0;
         double tooMuch = 0.0;
@@ -202,10 +198,8 @@ TEST(PeopleCheck, NobodyIsNearerThanIsProvenAtAnyTime) {
             watch.take(seen, 0.0);
             PeopleCheck check(robot, &geometry, 1, kTick_s);
             check.setKnown(watch, 0.0);
-            ArmPath::Extremes extremes;
-            path.calcExtremes(extremes);
             PeopleCheck::Result result;
-            check.examine(path, extremes, {0.0, PeopleCheck::kGuard_m}, false, result);
+            check.examine(path, calcExtremes(path), {0.0, PeopleCheck::kGuard_m}, false, result);
             const detail::SeparationLimit checker(robot, geometry, people);
             double least = kInfinity;
             constexpr int kTimes = 400;
@@ -248,11 +242,9 @@ TEST(PeopleCheck, WhatRestsMayBeTouched) {
         for (int i = 0; i < 6; ++i) stops[static_cast<std::size_t>(i)].plan(s.qd[i], 0.0, limits, kTick_s);
         ArmPath path;
         path.set(s, JointVector::Zero(6), stops, kTick_s);
-        ArmPath::Extremes extremes;
-        path.calcExtremes(extremes);
         PeopleCheck::Result result;
         check.beginTick();
-        check.examine(path, extremes, {}, false, result);
+        check.examine(path, calcExtremes(path), {}, false, result);
         return result;
     };
     EXPECT_TRUE(examine(0, 0.0).isKept);

@@ -13,4 +13,10 @@ inline RobotDescription makeSlidingArm() {
     return robot;
 }
 
+/** Two of the project's arms, and that one. */
+inline std::vector<RobotDescription> loadArms() {
+    return {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"),
+            makeSlidingArm()};
+}
+
 }  // namespace viable

@@ -16,11 +16,6 @@ using detail::SpeedCheck;
 
 constexpr double kTick_s = 1e-3;
 
-std::vector<RobotDescription> listArms() {
-    return {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"), loadRobot(VIABLE_SOURCE_DIR "/robots/panda"),
-            makeSlidingArm()};
-}
-
 ArmPath drawPath(int n, std::mt19937& random, double size, double jerk) {
     const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -12.0, 12.0, -jerk, jerk};
     return DrawnPath{JointVector::Constant(n, 1.5), 3.0, 10.0, jerk, limits}.draw(random, size, kTick_s);
@@ -61,7 +56,7 @@ double sampleSpeed(const RobotDescription& robot, const ArmGeometry& geometry, c
 TEST(SpeedCheck, NoPointIsFasterThanIsProvenAtAnyTime) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> share(-1.0, 1.0);
-    for (RobotDescription robot : listArms()) {
+    for (RobotDescription robot : loadArms()) {
         const ArmGeometry geometry = loadArmGeometry(robot);
         const int n = robot.size();
         double tooLittle = 0.0, farthest = 0.0, sampled = 0.0;
@@ -83,11 +78,9 @@ TEST(SpeedCheck, NoPointIsFasterThanIsProvenAtAnyTime) {
                                           : round % 3 == 1 ? 0.2
                                                            : 0.02,
                                           round % 2 == 0 ? 40.0 : 4000.0);
-            ArmPath::Extremes extremes;
-            path.calcExtremes(extremes);
             SpeedCheck::Result result;
             check.beginTick();
-            check.examine(path, extremes, {kInfinity, kInfinity, kInfinity}, false, result);
+            check.examine(path, calcExtremes(path), {kInfinity, kInfinity, kInfinity}, false, result);
             EXPECT_TRUE(result.isKept);
             double most = 0.0;
             JointVector q, qd;
@@ -141,8 +134,7 @@ TEST(SpeedCheck, AStopAlongWhichAPointBecomesFasterIsNotTakenForSlow) {
         for (int i = 0; i < n; ++i) {  // joints that stop at very different times
             const double jerk = i % 2 == 0 ? 4.0 : 400.0;
             const AxisLimits limits{-9.0, 9.0, -3.0, 3.0, -jerk, jerk, -jerk, jerk};
-            const AxisState after = advance({s.q[i], s.qd[i], 0.0}, 0.0, kTick_s);
-            stops[static_cast<std::size_t>(i)].plan(after.v, after.a, limits, kTick_s);
+            stops[static_cast<std::size_t>(i)] = planStop(s, i, 0.0, limits, kTick_s);
         }
         ArmPath path;
         path.set(s, JointVector::Zero(n), stops, kTick_s);
@@ -155,11 +147,9 @@ TEST(SpeedCheck, AStopAlongWhichAPointBecomesFasterIsNotTakenForSlow) {
         }
         if (!(first < 0.97 && most > 1.0)) continue;
         ++rising;
-        ArmPath::Extremes extremes;
-        path.calcExtremes(extremes);
         SpeedCheck::Result result;
         check.beginTick();
-        check.examine(path, extremes, {}, round % 2 == 0, result);
+        check.examine(path, calcExtremes(path), {}, round % 2 == 0, result);
         EXPECT_FALSE(result.isKept) << round << ": " << first << " rises to " << most;
     }
     EXPECT_GT(rising, 20);

@@ -29,10 +29,8 @@ TEST(TorqueRate, IsNeverExceededFromTickToTick) {
             const AxisLimits limits{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
             const detail::ArmPath path =
                 DrawnPath{JointVector::Constant(n, 3.0), 2.5, 12.0, 40.0, limits}.draw(random, size, kTick_s);
-            detail::ArmPath::Extremes extremes;
-            path.calcExtremes(extremes);
             JointVector bound, q, qd, qdd, tau, before;
-            rate.calcBound(extremes, bound);
+            rate.calcBound(calcExtremes(path), bound);
             for (std::int64_t tick = 0; tick <= path.ticks(); ++tick) {
                 path.calcTick(tick, q, qd, qdd);
                 arm.calcTorque(q, qd, qdd, tau);
@@ -56,8 +54,7 @@ TEST(TorqueRate, IsNeverExceededFromTickToTick) {
 // and positions, velocities and accelerations as far apart as told, but for a little.
 TEST(TorqueRate, TwoPathsAreNoFartherApartThanTold) {
     std::mt19937 random(2);
-    for (const RobotDescription& robot : {loadRobot(VIABLE_SOURCE_DIR "/robots/indy7"),
-                                          loadRobot(VIABLE_SOURCE_DIR "/robots/panda"), makeSlidingArm()}) {
+    for (const RobotDescription& robot : loadArms()) {
         const int n = robot.size();
         const ArmRecursion arm(robot);
         const detail::TorqueRate rate(robot);
@@ -71,8 +68,7 @@ TEST(TorqueRate, TwoPathsAreNoFartherApartThanTold) {
             const detail::ArmPath second = drawn.branchOff(first, begin, random, kTick_s);
             detail::ArmPath::Difference apart;
             second.calcDifference(first, begin, apart);
-            detail::ArmPath::Extremes both;
-            second.calcExtremes(both);
+            detail::ArmPath::Extremes both = calcExtremes(second);
             both.position += apart.position;
             both.velocity += apart.velocity;
             both.acceleration += apart.acceleration;

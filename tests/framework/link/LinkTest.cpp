@@ -159,9 +159,9 @@ TEST(Link, LayoutIsAsWritten) {
 
 /** Host and robot without a line between them. */
 struct Pair {
-    explicit Pair(const vl_key& key = {}) {
-        vl_robot_init(&robot, kJoints, kTick_s, 4711);
-        vl_host_init(&host, kJoints, kTick_s, 1234, kRobotsAddress);
+    explicit Pair(const vl_key& key = {}, std::uint64_t hostNumber = 1234, std::uint64_t robotNumber = 4711) {
+        vl_robot_init(&robot, kJoints, kTick_s, robotNumber);
+        vl_host_init(&host, kJoints, kTick_s, hostNumber, kRobotsAddress);
         robot.key = host.key = key;
     }
     vl_mode tick() {
@@ -174,7 +174,9 @@ struct Pair {
         return packet;
     }
     Packet makeCommand(vl_mode mode, double value = 0.0, int repeats = 3) {
-        const std::vector<double> tau(kJoints, value);
+        return makeCommand(mode, std::vector<double>(kJoints, value), repeats);
+    }
+    Packet makeCommand(vl_mode mode, const std::vector<double>& tau, int repeats = 3) {
         Packet packet(VL_MAX_PACKET);
         packet.resize(vl_host_command(&host, mode, tau.data(), repeats, packet.data()));
         return packet;
@@ -199,6 +201,20 @@ struct Pair {
         for (int k = 0; k < 3; ++k) exchange(VL_HOLD);
         ASSERT_TRUE(host.is_connected);
         ASSERT_TRUE(robot.has_host);
+    }
+
+    /** Ticks until the two are connected, at most `most`; in each `call` comes first, with their number so far. */
+    template <class Call>
+    int callAmongStrangers(int most, const Call& call) {
+        int ticks = 0;
+        for (; ticks < most && !host.is_connected; ++ticks) {
+            call(ticks);
+            EXPECT_EQ(tick(), VL_HOLD);
+            const bool isHosts = vl_robot_peer(&robot) == kHostsAddress;
+            const Packet answer = makeState();
+            if (!answer.empty() && isHosts && take(answer) == VL_GOOD) give(makeCommand(VL_HOLD));
+        }
+        return ticks;
     }
 
     vl_robot robot;
@@ -348,8 +364,7 @@ TEST(Fault83, NumbersThatNoArmHasAreDroppedAndNoneIsSent) {
 }
 
 TEST(Link, OneHostAtATimeUntilItStopsOrFallsSilent) {
-    Pair pair, other;
-    vl_host_init(&other.host, kJoints, kTick_s, 999, kRobotsAddress);
+    Pair pair, other({}, 999);
     pair.connect();
     EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD), kStranger), VL_OTHER_SESSION);
     EXPECT_EQ(pair.give(other.makeCommand(VL_HOLD)), VL_OTHER_SESSION);  // not from the same address either
@@ -389,9 +404,7 @@ TEST(Link, RecordedPacketsOfAnotherSessionDoNothing) {
         EXPECT_FALSE(pair.robot.has_host);
     }
     EXPECT_EQ(pair.give(commands.back(), kStranger), VL_OTHER_SESSION);
-    Pair again(makeKey());  // another host hears recorded states
-    vl_host_init(&again.host, kJoints, kTick_s, 5678, kRobotsAddress);
-    again.host.key = makeKey();
+    Pair again(makeKey(), 5678);  // another host hears recorded states
     for (const Packet& state : states) EXPECT_EQ(again.take(state), VL_OTHER_SESSION);
     Pair stranger(makeKey(3));
     EXPECT_EQ(pair.give(stranger.makeCommand(VL_HOLD)), VL_CORRUPT);
@@ -443,22 +456,13 @@ TEST(Link, AHelloThatIsReplayedTakesNothingFromTheHost) {
     const Packet hello = recorded.makeCommand(VL_HOLD);
     int slowest = 0;
     for (std::uint64_t number = 1; number <= 50; ++number) {
-        Pair pair(makeKey());
-        vl_robot_init(&pair.robot, kJoints, kTick_s, 100 + number);
-        pair.robot.key = makeKey();
-        vl_host_init(&pair.host, kJoints, kTick_s, 2 * number, kRobotsAddress);
-        pair.host.key = makeKey();
-        int ticks = 0;
-        for (; ticks < 3000 && !pair.host.is_connected; ++ticks) {
+        Pair pair(makeKey(), 2 * number, 100 + number);
+        const int ticks = pair.callAmongStrangers(3000, [&](int tick) {
             for (int i = 0; i < 10; ++i)
                 EXPECT_EQ(pair.give(hello, i % 2 ? kStranger : kHostsAddress),
                           pair.robot.has_host ? VL_OTHER_SESSION : VL_GOOD);
-            if (ticks % 10 == 0) pair.give(pair.makeCommand(VL_HOLD));
-            EXPECT_EQ(pair.tick(), VL_HOLD);
-            const bool isHosts = vl_robot_peer(&pair.robot) == kHostsAddress;
-            const Packet state = pair.makeState();
-            if (!state.empty() && isHosts && pair.take(state) == VL_GOOD) pair.give(pair.makeCommand(VL_HOLD));
-        }
+            if (tick % 10 == 0) pair.give(pair.makeCommand(VL_HOLD));
+        });
         slowest = std::max(slowest, ticks);
         ASSERT_TRUE(pair.host.is_connected);
         pair.exchange(VL_TORQUE, 1.0);
@@ -474,23 +478,15 @@ TEST(Link, AFloodOfHellosFromOneAddressKeepsNoHostAway) {
     std::mt19937_64 random(7);
     int slowest = 0, all = 0;
     for (std::uint64_t number = 1; number <= 50; ++number) {
-        Pair pair;
-        vl_robot_init(&pair.robot, kJoints, kTick_s, 100 + number);
-        vl_host_init(&pair.host, kJoints, kTick_s, 2 * number, kRobotsAddress);
-        Pair stranger;
-        int ticks = 0;
-        for (; ticks < 20000 && !pair.host.is_connected; ++ticks) {
+        Pair pair({}, 2 * number, 100 + number), stranger;
+        const int ticks = pair.callAmongStrangers(20000, [&](int tick) {
             const auto at = static_cast<int>(random() % 63);
             for (int i = 0; i < 63; ++i) {
-                if (i == at && ticks % 10 == 0) pair.give(pair.makeCommand(VL_HOLD));
+                if (i == at && tick % 10 == 0) pair.give(pair.makeCommand(VL_HOLD));
                 vl_host_init(&stranger.host, kJoints, kTick_s, random(), kRobotsAddress);
                 pair.give(stranger.makeCommand(VL_HOLD), kStranger);
             }
-            EXPECT_EQ(pair.tick(), VL_HOLD);
-            const bool isHosts = vl_robot_peer(&pair.robot) == kHostsAddress;
-            const Packet state = pair.makeState();
-            if (!state.empty() && isHosts && pair.take(state) == VL_GOOD) pair.give(pair.makeCommand(VL_HOLD));
-        }
+        });
         slowest = std::max(slowest, ticks);
         all += ticks;
     }
@@ -525,10 +521,10 @@ TEST(Fault83, NoTorqueStepsFartherThanTheRobotAllows) {
                 one = share(random) < 0.02 ? std::numeric_limits<double>::quiet_NaN() : number(random);
             vl_robot_limit(&pair.robot, tau.data());
         }
-        for (int i = 0; i < kJoints; ++i) {
-            ASSERT_TRUE(std::isfinite(tau[static_cast<std::size_t>(i)]));
-            ASSERT_LE(std::abs(tau[static_cast<std::size_t>(i)]), limit);
-            largest = std::max(largest, std::abs(tau[static_cast<std::size_t>(i)] - last[static_cast<std::size_t>(i)]));
+        for (std::size_t i = 0; i < kJoints; ++i) {
+            ASSERT_TRUE(std::isfinite(tau[i]));
+            ASSERT_LE(std::abs(tau[i]), limit);
+            largest = std::max(largest, std::abs(tau[i] - last[i]));
         }
         last = tau;
         const bool wasLapsed = pair.heard.flags & VL_LAPSED;
@@ -538,8 +534,7 @@ TEST(Fault83, NoTorqueStepsFartherThanTheRobotAllows) {
         const bool jumps = share(random) < 0.1;
         for (double& one : hostWants) one = jumps ? number(random) : one + step * (2.0 * share(random) - 1.0);
         const bool holds = (pair.heard.flags & VL_LAPSED) || share(random) < 0.01;
-        Packet packet(VL_MAX_PACKET);
-        packet.resize(vl_host_command(&pair.host, holds ? VL_HOLD : VL_TORQUE, hostWants.data(), 3, packet.data()));
+        const Packet packet = pair.makeCommand(holds ? VL_HOLD : VL_TORQUE, hostWants);
         const double fate = share(random);
         if (fate < 0.4) pair.give(packet);
         if (fate > 0.4 && fate < 0.6) late = packet;
@@ -639,8 +634,8 @@ TEST(Fault83, OnABadLineNoTorqueIsOlderThanAllowed) {
         deliver(toRobot, [&](const Packet& packet) { pair.give(packet); });
         if (pair.tick() == VL_TORQUE) {
             ++torqueTicks;
-            const auto answered =
-                static_cast<std::uint64_t>(pair.torque[0]);  // commands carry the tick that they answer
+            // Commands carry the tick that they answer.
+            const auto answered = static_cast<std::uint64_t>(pair.torque[0]);
             ASSERT_GE(pair.robot.tick, answered + 1);
             ASSERT_LE(pair.robot.tick, answered + 1 + 3);
         }
@@ -680,6 +675,28 @@ struct Line {
     char error[256] = "";
 };
 
+/** A line that cannot be opened: what is said. */
+std::string refuseLine(const std::string& address, bool isRobot) {
+    vl_line line;
+    char error[256] = "";
+    EXPECT_EQ(vl_line_open(&line, address.c_str(), isRobot, error, sizeof error), -1) << address;
+    return error;
+}
+
+/** The next good state; zeros where none comes in time. */
+vl_state hear(vl_host& host, Line& line, std::int64_t timeout_ns) {
+    std::uint8_t bytes[VL_MAX_PACKET + 1];
+    std::uint64_t peer = 0;
+    vl_state heard{};
+    while (const std::size_t size = vl_line_receive(&line.line, bytes, timeout_ns, &peer))
+        if (vl_host_receive(&host, bytes, size, peer, &heard) == VL_GOOD) break;
+    return heard;
+}
+
+std::string localhost(const vl_line& line) {
+    return "127.0.0.1:" + std::to_string(vl_line_port(&line));
+}
+
 /** Connects over a line and exchanges torques, in lock step. */
 void exchangeOver(const std::string& address) {
     Line robotEnd(address, true);
@@ -700,10 +717,7 @@ void exchangeOver(const std::string& address) {
         vl_state state{};
         state.q[0] = k;
         vl_robot_send(&robot, &robotEnd.line, &state);
-        std::uint64_t peer = 0;
-        vl_state heard{};
-        while (const std::size_t size = vl_line_receive(&hostEnd.line, bytes, k > 2 ? 1'000'000'000 : 0, &peer))
-            if (vl_host_receive(&host, bytes, size, peer, &heard) == VL_GOOD) break;
+        const vl_state heard = hear(host, hostEnd, k > 2 ? 1'000'000'000 : 0);
         if (k > 2) {
             EXPECT_EQ(heard.q[0], k);
         }
@@ -741,32 +755,22 @@ TEST(LinkLine, AddressesAreNumbersOnly) {
     for (const char* bad : {"", ":", "localhost:1", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1",
                             "127.0.0.1:1x", "::1:1", "[::1:1", "[]:1", "[127.0.0.1]:1", "1.2.3:4", ":47100"})
         EXPECT_EQ(vl_parse_address(bad, &address, &size), -1) << bad;
-    vl_line line;
-    char error[256];
-    EXPECT_EQ(vl_line_open(&line, "localhost:1", 0, error, sizeof error), -1);
-    EXPECT_EQ(std::string(error).find("an address is numeric"), 0u) << error;
-    EXPECT_EQ(vl_line_open(&line, "shm:a/b", 0, error, sizeof error), -1);
-    EXPECT_EQ(vl_line_open(&line, makeName().c_str(), 0, error, sizeof error), -1);
-    EXPECT_EQ(std::string(error).find("there is no robot"), 0u) << error;
+    EXPECT_EQ(refuseLine("localhost:1", false).find("an address is numeric"), 0u);
+    refuseLine("shm:a/b", false);
+    EXPECT_EQ(refuseLine(makeName(), false).find("there is no robot"), 0u);
 }
 
 TEST(LinkLine, OneRobotPerAddress) {
-    char error[256];
-    vl_line second;
     const std::string name = makeName();
     const Line first(name, true);
-    EXPECT_EQ(vl_line_open(&second, name.c_str(), 1, error, sizeof error), -1);
-    EXPECT_EQ(std::string(error), "another robot has this shared memory");
+    EXPECT_EQ(refuseLine(name, true), "another robot has this shared memory");
     const Line udp("127.0.0.1:0", true);
-    EXPECT_EQ(
-        vl_line_open(&second, ("127.0.0.1:" + std::to_string(vl_line_port(&udp.line))).c_str(), 1, error, sizeof error),
-        -1);
-    EXPECT_EQ(std::string(error).find("this address cannot be listened at"), 0u) << error;
+    EXPECT_EQ(refuseLine(localhost(udp.line), true).find("this address cannot be listened at"), 0u);
 }
 
 TEST(LinkLine, PacketsOfStrangersAndEmptyOnesAreTold) {
     const Line robotEnd("127.0.0.1:0", true);
-    const std::string called = "127.0.0.1:" + std::to_string(vl_line_port(&robotEnd.line));
+    const std::string called = localhost(robotEnd.line);
     Line one(called, false), two(called, false);
     vl_line robotLine = robotEnd.line;
     std::uint8_t bytes[VL_MAX_PACKET + 1];
@@ -778,6 +782,11 @@ TEST(LinkLine, PacketsOfStrangersAndEmptyOnesAreTold) {
     EXPECT_EQ(vl_line_receive(&robotLine, bytes, 1'000'000'000, &second), 1u);
     EXPECT_NE(first, second);
     EXPECT_NE(first, 0u);
+}
+
+void killAndWait(pid_t pid) {
+    kill(pid, SIGKILL);
+    waitpid(pid, nullptr, 0);
 }
 
 /** A writer that is killed 200 times, at any moment or, every other time, in mid-packet: the reader never takes half a packet,
@@ -813,10 +822,7 @@ TEST(Fault86, AKilledWriterOfSharedMemoryLeavesNothingBehind) {
         }
         struct Killed {  // also where the test ends early
             const pid_t pid;
-            ~Killed() {
-                kill(pid, SIGKILL);
-                waitpid(pid, nullptr, 0);
-            }
+            ~Killed() { killAndWait(pid); }
         } const killed{writer};
         const std::int64_t begin = vl_now_ns();
         const std::int64_t end = begin + 500'000 + static_cast<std::int64_t>(random() % 2'000'000);
@@ -848,56 +854,52 @@ TEST(Fault86, AKilledWriterOfSharedMemoryLeavesNothingBehind) {
     for (const int end : {half[0], half[1], heard[0], heard[1]}) close(end);
 }
 
+/** Starts a process that holds this end of a line until it is killed. */
+pid_t startHolder(const std::string& name, bool isRobot) {
+    int ready[2];
+    EXPECT_EQ(pipe(ready), 0);
+    const pid_t pid = fork();
+    if (pid == 0) {
+        vl_line line;
+        char error[256];
+        const char ok = vl_line_open(&line, name.c_str(), isRobot, error, sizeof error) == 0 ? 'y' : 'n';
+        if (write(ready[1], &ok, 1) != 1) _exit(1);
+        for (;;) pause();
+    }
+    char ok = 'n';
+    EXPECT_EQ(read(ready[0], &ok, 1), 1);
+    EXPECT_EQ(ok, 'y');
+    for (const int end : ready) close(end);
+    return pid;
+}
+
 /** One host at a time over shared memory, too; a killed one does not keep the robot. */
 TEST(Fault86, AKilledHostGivesTheSharedMemoryToTheNextOne) {
     const std::string name = makeName();
     const Line robotEnd(name, true);
-    int ready[2];
-    ASSERT_EQ(pipe(ready), 0);
-    const pid_t host = fork();
-    if (host == 0) {
-        vl_line line;
-        char error[256];
-        const char ok = vl_line_open(&line, name.c_str(), 0, error, sizeof error) == 0 ? 'y' : 'n';
-        if (write(ready[1], &ok, 1) != 1) _exit(1);
-        for (;;) pause();
-    }
-    char ok = 'n', error[256];
-    ASSERT_EQ(read(ready[0], &ok, 1), 1);
-    EXPECT_EQ(ok, 'y');
-    vl_line second;
-    EXPECT_EQ(vl_line_open(&second, name.c_str(), 0, error, sizeof error), -1);
-    EXPECT_EQ(std::string(error), "another host has this robot");
-    kill(host, SIGKILL);
-    waitpid(host, nullptr, 0);
+    const pid_t host = startHolder(name, false);
+    EXPECT_EQ(refuseLine(name, false), "another host has this robot");
+    killAndWait(host);
     const Line next(name, false);
-    close(ready[0]);
-    close(ready[1]);
 }
 
 TEST(LinkLine, SharedMemoryThatOthersCanWriteToOrThatNoRobotHasIsRefused) {
     const std::string name = makeName(), file = "/" + name.substr(4);
-    char error[256];
-    vl_line line;
     for (const mode_t mode : {0620, 0602, 0666}) {
         const int fd = shm_open(file.c_str(), O_RDWR | O_CREAT, 0600);
         ASSERT_GE(fd, 0);
         ASSERT_EQ(fchmod(fd, mode), 0);
-        for (const int isRobot : {0, 1}) {
-            EXPECT_EQ(vl_line_open(&line, name.c_str(), isRobot, error, sizeof error), -1);
-            EXPECT_EQ(std::string(error),
+        for (const bool isRobot : {false, true})
+            EXPECT_EQ(refuseLine(name, isRobot),
                       "other users can write to this shared memory: remove it from /dev/shm, or take another name");
-        }
         close(fd);
         shm_unlink(file.c_str());
     }
     if (geteuid() == 0) {  // who else can give a file away?
         const int fd = shm_open(file.c_str(), O_RDWR | O_CREAT, 0600);
         ASSERT_EQ(fchown(fd, 65534, 65534), 0);
-        for (const int isRobot : {0, 1}) {
-            EXPECT_EQ(vl_line_open(&line, name.c_str(), isRobot, error, sizeof error), -1);
-            EXPECT_EQ(std::string(error).find("another user owns this shared memory: run both"), 0u) << error;
-        }
+        for (const bool isRobot : {false, true})
+            EXPECT_EQ(refuseLine(name, isRobot).find("another user owns this shared memory: run both"), 0u);
         close(fd);
         shm_unlink(file.c_str());
     }
@@ -905,8 +907,7 @@ TEST(LinkLine, SharedMemoryThatOthersCanWriteToOrThatNoRobotHasIsRefused) {
         const int fd = shm_open(file.c_str(), O_RDWR | O_CREAT, 0600);
         ASSERT_EQ(ftruncate(fd, sizeof(vl_shared)), 0);
         close(fd);
-        EXPECT_EQ(vl_line_open(&line, name.c_str(), 0, error, sizeof error), -1);
-        EXPECT_EQ(std::string(error), "there is no robot: the one that had this shared memory is gone");
+        EXPECT_EQ(refuseLine(name, false), "there is no robot: the one that had this shared memory is gone");
     }
     exchangeOver(name);
     EXPECT_EQ(shm_open(file.c_str(), O_RDWR, 0600), -1);  // removed at its end
@@ -939,7 +940,7 @@ TEST(LinkLine, ARobotThatComesWhileAnotherOneGoesIsFound) {
 /** While a robot has a host, packets of others do not even reach it; and afterwards the next one does. */
 TEST(LinkLine, AFloodOfStrangersTakesNoTimeFromARobotThatHasAHost) {
     const Line robotEnd("127.0.0.1:0", true);
-    const std::string called = "127.0.0.1:" + std::to_string(vl_line_port(&robotEnd.line));
+    const std::string called = localhost(robotEnd.line);
     vl_line robotLine = robotEnd.line;
     const Line stranger(called, false);
     vl_line strangerLine = stranger.line;
@@ -966,17 +967,15 @@ TEST(LinkLine, AFloodOfStrangersTakesNoTimeFromARobotThatHasAHost) {
             } else {
                 ASSERT_LT(k, 8);
             }
-            vl_state state{}, heard{};
+            vl_state state{};
             vl_robot_send(&robot, &robotLine, &state);
-            std::uint64_t peer = 0;
-            while (const std::size_t size = vl_line_receive(&hostEnd.line, bytes, k > 2 ? 1'000'000'000 : 0, &peer))
-                if (vl_host_receive(&host, bytes, size, peer, &heard) == VL_GOOD) break;
+            hear(host, hostEnd, k > 2 ? 1'000'000'000 : 0);
             wanted[0] = k;
             const vl_mode mode = k > 5 ? VL_TORQUE : VL_HOLD;
             vl_line_send(&hostEnd.line, bytes, vl_host_command(&host, mode, wanted, 0, bytes));
         }
         ASSERT_TRUE(robot.has_host);
-        EXPECT_EQ("127.0.0.1:" + std::to_string(vl_line_port(&robotLine)), called);
+        EXPECT_EQ(localhost(robotLine), called);
         vl_line_send(&hostEnd.line, bytes, vl_host_command(&host, VL_STOP, wanted, 0, bytes));
         vl_robot_poll(&robot, &robotLine);
         EXPECT_FALSE(robot.has_host);
@@ -986,24 +985,8 @@ TEST(LinkLine, AFloodOfStrangersTakesNoTimeFromARobotThatHasAHost) {
 
 TEST(Fault86, AKilledRobotGivesItsSharedMemoryToTheNextOne) {
     const std::string name = makeName();
-    int ready[2];
-    ASSERT_EQ(pipe(ready), 0);
-    const pid_t robot = fork();
-    if (robot == 0) {
-        vl_line line;
-        char error[256];
-        const char ok = vl_line_open(&line, name.c_str(), 1, error, sizeof error) == 0 ? 'y' : 'n';
-        if (write(ready[1], &ok, 1) != 1) _exit(1);
-        for (;;) pause();
-    }
-    char ok = 'n';
-    ASSERT_EQ(read(ready[0], &ok, 1), 1);
-    EXPECT_EQ(ok, 'y');
-    kill(robot, SIGKILL);
-    waitpid(robot, nullptr, 0);
+    killAndWait(startHolder(name, true));
     exchangeOver(name);
-    close(ready[0]);
-    close(ready[1]);
 }
 
 }  // namespace

@@ -190,98 +190,105 @@ std::string say(const TestRobot& robot, const std::string& more = "", const std:
 }
 
 /** The text with which a run with this robot is refused. */
-std::string refusal(const RobotMind& mind, const std::string& more = "",
-                    const std::function<void(const TestRobot&)>& prepare = {}) {
+std::string refusal(const RobotMind& mind, const std::string& more = "") {
     const PluginBench bench;
     TestRobot robot("udp", mind);
-    if (prepare) prepare(robot);
     LinkPlant plant;
     const std::string told = test::catchError([&] { bench.configure(plant, say(robot, more)); });
     test::expectContains(told, {"test.yaml:1"});
     return told;
 }
 
+/** A robot and the plant that has called it. */
+struct Linked {
+    explicit Linked(const std::string& transport = "udp", const RobotMind& mind = {}, const std::string& more = "",
+                    const std::string& silence_s = "1")
+        : robot(transport, mind) {
+        bench.configure(plant, say(robot, more, silence_s));
+    }
+
+    /** Drives joint 0 with 1 rad/s^2 for `ticks`. */
+    void drive(int ticks) {
+        Dynamics dynamics;
+        JointVector torque;
+        const JointVector acceleration = JointVector::Unit(2, 0);
+        for (int k = 0; k < ticks; ++k) {
+            ASSERT_EQ(plant.read(passed), TickStatus::Ok) << detail::readFaultExplanation();
+            ASSERT_GE(passed, 1);
+            model.calcDynamics(plant.measured().q, plant.measured().qd, dynamics);
+            calcInverseDynamics(dynamics, acceleration, torque);
+            ASSERT_EQ(plant.advance(torque, applied), TickStatus::Ok);
+            ASSERT_LT((applied - torque).cwiseAbs().maxCoeff(), 1e-9);  // what it held is the model's but for rounding
+        }
+    }
+    /** A tick in which the arm is carried; a torque is sent where the reading is good. @return how the reading ended */
+    TickStatus carry() {
+        const TickStatus status = plant.read(passed);
+        if (status == TickStatus::Ok) plant.advance(bench.dynamics().gravity, applied);
+        return status;
+    }
+
+    const PluginBench bench;
+    TestRobot robot;
+    LinkPlant plant;
+    RobotModel model{bench.setup().robot};
+    std::int64_t passed = 0;
+    JointVector applied;
+};
+
 class LinkOver : public ::testing::TestWithParam<const char*> {};
 
-/** Drives joint 0 with 1 rad/s^2 for `ticks`. */
-void drive(LinkPlant& plant, RobotModel& model, int ticks) {
-    Dynamics dynamics;
-    JointVector torque, applied, acceleration = JointVector::Zero(2);
-    acceleration[0] = 1.0;
-    for (int k = 0; k < ticks; ++k) {
-        std::int64_t passed = 0;
-        ASSERT_EQ(plant.read(passed), TickStatus::Ok) << detail::readFaultExplanation();
-        ASSERT_GE(passed, 1);
-        model.calcDynamics(plant.measured().q, plant.measured().qd, dynamics);
-        calcInverseDynamics(dynamics, acceleration, torque);
-        ASSERT_EQ(plant.advance(torque, applied), TickStatus::Ok);
-        ASSERT_LT((applied - torque).cwiseAbs().maxCoeff(), 1e-9);  // what it held is the model's but for rounding
-    }
-}
-
 TEST_P(LinkOver, AnArmIsDrivenAndEachRunBeginsAnew) {
-    const PluginBench bench;
-    TestRobot robot(GetParam());
-    LinkPlant plant;
-    bench.configure(plant, say(robot));
+    Linked arm(GetParam());
+    const PluginBench& bench = arm.bench;
+    LinkPlant& plant = arm.plant;
     EXPECT_TRUE(plant.traits().hasClock);
     EXPECT_EQ(plant.traits().delayTicks, 1);
     EXPECT_EQ(plant.externalTorque(), nullptr);
-    RobotModel model(bench.setup().robot);
     EXPECT_NEAR((plant.measured().q - bench.state().q).norm(), 0.0, 1e-12);
-    drive(plant, model, 300);  // 299 of its torques have acted when the last state was read, a tick late each
+    arm.drive(300);  // 299 of its torques have acted when the last state was read, a tick late each
     EXPECT_NEAR(plant.measured().qd[0], 0.298, 3e-3);
     EXPECT_NEAR(plant.measured().qd[1], 0.0, 3e-3);
     EXPECT_NEAR(plant.measured().q[0] - bench.state().q[0], 0.5 * 0.298 * 0.298, 1e-3);
     EXPECT_THROW(plant.reset(bench.state()), Error);  // it has moved
-    JointVector applied;
-    EXPECT_EQ(plant.advance(bench.dynamics().b, applied), TickStatus::Faulted);
+    EXPECT_EQ(plant.advance(bench.dynamics().b, arm.applied), TickStatus::Faulted);
     const JointVector home = plant.measured().q;
     plant.reset({home, JointVector::Zero(2), JointVector::Zero(2)});
-    drive(plant, model, 20);
+    arm.drive(20);
 }
 
 /** Exactly those, by the robot's own numbers, which these states bear as a torque. */
 TEST_P(LinkOver, Fault83TicksThatTheHostSleptAreMissedTicks) {
-    const PluginBench bench;
     RobotMind mind = makeClocked();
     mind.flags = VL_ENABLED | VL_HAS_EXTERNAL;
-    TestRobot robot(GetParam(), mind);
-    LinkPlant plant;
-    bench.configure(plant, say(robot, "external_torque: true"));
+    Linked arm(GetParam(), mind, "external_torque: true");
     sleepFor(0.05);  // before the first read() nothing is missed
-    std::int64_t passed = 0;
-    ASSERT_EQ(plant.read(passed), TickStatus::Ok);
-    EXPECT_EQ(passed, 1);
+    ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
+    EXPECT_EQ(arm.passed, 1);
     for (const double pause_s : {0.05, 0.002, 0.3, 0.0}) {
-        const double before = (*plant.externalTorque())[0];
+        const double before = (*arm.plant.externalTorque())[0];
         sleepFor(pause_s);
-        ASSERT_EQ(plant.read(passed), TickStatus::Ok);
-        EXPECT_EQ(static_cast<double>(passed), (*plant.externalTorque())[0] - before);
-        EXPECT_GE(static_cast<double>(passed), 1e3 * pause_s / 20.0);  // it did tick, on any machine
+        ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
+        EXPECT_EQ(static_cast<double>(arm.passed), (*arm.plant.externalTorque())[0] - before);
+        EXPECT_GE(static_cast<double>(arm.passed), 1e3 * pause_s / 20.0);  // it did tick, on any machine
     }
 }
 
 TEST_P(LinkOver, Fault84ARobotThatIsSilentIsGone) {
-    const PluginBench bench;
-    TestRobot robot(GetParam());
-    LinkPlant plant;
-    bench.configure(plant, say(robot, "", "0.5"));
-    RobotModel model(bench.setup().robot);
-    drive(plant, model, 10);
-    robot.isSilent = true;
+    Linked arm(GetParam(), {}, "", "0.5");
+    LinkPlant& plant = arm.plant;
+    arm.drive(10);
+    arm.robot.isSilent = true;
     const std::int64_t begin = vl_now_ns();
-    std::int64_t passed = 0;
     TickStatus status = TickStatus::Ok;
-    for (int k = 0; k < 10 && status == TickStatus::Ok; ++k) status = plant.read(passed);
+    for (int k = 0; k < 10 && status == TickStatus::Ok; ++k) status = plant.read(arm.passed);
     EXPECT_EQ(status, TickStatus::Faulted);
     EXPECT_GE(vl_now_ns() - begin, 500'000'000);
     const std::string why = detail::readFaultExplanation();
-    expectSays(why, "it cannot drive the robot at " + robot.address +
+    expectSays(why, "it cannot drive the robot at " + arm.robot.address +
                         " any more: no state has come for 0.5 s; see that it and the line are up (packets: ");
-    JointVector applied;
-    EXPECT_EQ(plant.advance(bench.dynamics().b, applied), TickStatus::Faulted);
-    EXPECT_EQ(plant.read(passed), TickStatus::Faulted);
+    EXPECT_EQ(plant.advance(arm.bench.dynamics().b, arm.applied), TickStatus::Faulted);
+    EXPECT_EQ(plant.read(arm.passed), TickStatus::Faulted);
     EXPECT_EQ(detail::readFaultExplanation(), why);
 }
 
@@ -290,24 +297,21 @@ INSTANTIATE_TEST_SUITE_P(All, LinkOver, ::testing::Values("udp", "shm"),
 
 TEST(LinkPlant, ATickAllocatesNothing) {
     if (!AllocationCounter::isAvailable()) GTEST_SKIP() << AllocationCounter::whyNot();
-    const PluginBench bench;
-    TestRobot robot("udp");
-    LinkPlant plant;
-    bench.configure(plant, say(robot));
-    JointVector applied;
-    std::int64_t passed = 0;
+    Linked arm;
+    LinkPlant& plant = arm.plant;
+    const JointVector gravity = arm.bench.dynamics().gravity;
     int okReads = 0, okTorques = 0;
     TickStatus last = TickStatus::Ok;
     const AllocationCounter counter;
     for (int k = 0; k < 100; ++k) {
-        okReads += plant.read(passed) == TickStatus::Ok ? 1 : 0;
+        okReads += plant.read(arm.passed) == TickStatus::Ok ? 1 : 0;
         plant.measured();
-        okTorques += plant.advance(bench.dynamics().gravity, applied) == TickStatus::Ok ? 1 : 0;
+        okTorques += plant.advance(gravity, arm.applied) == TickStatus::Ok ? 1 : 0;
     }
-    robot.moreFlags = VL_FAULT;
+    arm.robot.moreFlags = VL_FAULT;
     for (int k = 0; k < 20; ++k) {
-        last = plant.read(passed);
-        plant.advance(bench.dynamics().gravity, applied);
+        last = plant.read(arm.passed);
+        plant.advance(gravity, arm.applied);
     }
     EXPECT_EQ(counter.count(), 0);
     EXPECT_EQ(okReads, 100);
@@ -316,43 +320,33 @@ TEST(LinkPlant, ATickAllocatesNothing) {
 }
 
 TEST(LinkPlant, ATorqueThatIsNotFiniteIsNeverSent) {
-    const PluginBench bench;
-    TestRobot robot("udp");
-    LinkPlant plant;
-    bench.configure(plant, say(robot));
-    std::int64_t passed = 0;
-    JointVector applied = JointVector::Constant(2, 5.0), bad = bench.dynamics().gravity;
+    Linked arm;
+    JointVector applied = JointVector::Constant(2, 5.0), bad = arm.bench.dynamics().gravity;
     bad[1] = std::numeric_limits<double>::quiet_NaN();
-    ASSERT_EQ(plant.read(passed), TickStatus::Ok);
-    EXPECT_EQ(plant.advance(bad, applied), TickStatus::InvalidInput);
+    ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
+    EXPECT_EQ(arm.plant.advance(bad, applied), TickStatus::InvalidInput);
     EXPECT_EQ(applied, JointVector(JointVector::Constant(2, 5.0)));
-    EXPECT_EQ(plant.advance(JointVector::Zero(3), applied), TickStatus::InvalidInput);
+    EXPECT_EQ(arm.plant.advance(JointVector::Zero(3), applied), TickStatus::InvalidInput);
     sleepFor(0.02);
-    EXPECT_TRUE(std::isnan(robot.firstTorque.load()));
-    robot.stop();
-    EXPECT_EQ(robot.robot.acts, VL_HOLD);
+    EXPECT_TRUE(std::isnan(arm.robot.firstTorque.load()));
+    arm.robot.stop();
+    EXPECT_EQ(arm.robot.robot.acts, VL_HOLD);
 }
 
 TEST(LinkPlant, WhereTheRobotAddsGravityItIsSentTheRest) {
-    const PluginBench bench;
     RobotMind mind;
     mind.addsGravity = true;
-    TestRobot robot("udp", mind);
-    LinkPlant plant;
-    bench.configure(plant, say(robot, "adds_gravity: true"));
-    RobotModel model(bench.setup().robot);
+    Linked arm("udp", mind, "adds_gravity: true");
     Dynamics dynamics;
-    std::int64_t passed = 0;
-    JointVector applied;
     for (int k = 0; k < 20; ++k) {
-        ASSERT_EQ(plant.read(passed), TickStatus::Ok);
-        model.calcDynamics(plant.measured().q, JointVector::Zero(2), dynamics);
+        ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
+        arm.model.calcDynamics(arm.plant.measured().q, JointVector::Zero(2), dynamics);
         const JointVector wanted = dynamics.gravity + JointVector::Constant(2, 0.5);
-        ASSERT_EQ(plant.advance(wanted, applied), TickStatus::Ok);
-        EXPECT_NEAR((applied - wanted).norm(), 0.0, 1e-12);
+        ASSERT_EQ(arm.plant.advance(wanted, arm.applied), TickStatus::Ok);
+        EXPECT_NEAR((arm.applied - wanted).norm(), 0.0, 1e-12);
     }
-    EXPECT_NEAR(robot.firstTorque, 0.5, 1e-9);
-    const JointVector moved = plant.measured().q - bench.state().q;
+    EXPECT_NEAR(arm.robot.firstTorque, 0.5, 1e-9);
+    const JointVector moved = arm.plant.measured().q - arm.bench.state().q;
     EXPECT_GT(moved.norm(), 1e-6);  // by these 0.5 Nm
     EXPECT_LT(moved.norm(), 0.01);
 }
@@ -380,20 +374,15 @@ TEST(LinkPlant, TorquesAreCutAtTheMotorsAndChangeAsFastAsTheRobotAccepts) {
 }
 
 TEST(LinkPlant, TheTorqueOfTheSurroundingsIsPassedOn) {
-    const PluginBench bench;
     RobotMind mind;
     mind.flags = VL_ENABLED | VL_HAS_EXTERNAL;
-    TestRobot robot("shm", mind);
-    LinkPlant plant;
-    bench.configure(plant, say(robot, "external_torque: true"));
-    ASSERT_NE(plant.externalTorque(), nullptr);
-    std::int64_t passed = 0;
-    ASSERT_EQ(plant.read(passed), TickStatus::Ok);
-    EXPECT_EQ((*plant.externalTorque())[1], 0.5);
+    Linked arm("shm", mind, "external_torque: true");
+    ASSERT_NE(arm.plant.externalTorque(), nullptr);
+    ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
+    EXPECT_EQ((*arm.plant.externalTorque())[1], 0.5);
 }
 
 TEST(LinkPlant, WithAKeyOnlyWhoKnowsItIsHeard) {
-    const PluginBench bench;
     const test::TemporaryFolder folder;
     const std::string file = folder.write("key", "000102030405060708090a0b0c0d0e0f\n");
     const std::string other = folder.write("other", "100102030405060708090a0b0c0d0e0f\n");
@@ -401,23 +390,13 @@ TEST(LinkPlant, WithAKeyOnlyWhoKnowsItIsHeard) {
     for (const std::string& one : {file, other, bad}) chmod(one.c_str(), 0600);
     RobotMind mind;
     ASSERT_EQ(vl_key_from_hex("000102030405060708090a0b0c0d0e0f", &mind.key), 0);
-    {
-        TestRobot robot("udp", mind);
-        LinkPlant plant;
-        bench.configure(plant, say(robot, "key_file: " + file));
-        RobotModel model(bench.setup().robot);
-        drive(plant, model, 5);
-    }
+    Linked("udp", mind, "key_file: " + file).drive(5);
     expectSays(refusal(mind, "connect_timeout_s: 0.3, key_file: " + other), "does not answer (tried for 0.3 s)");
     expectSays(refusal({}, "key_file: " + bad),
                ": it does not hold a key of 32 hexadecimal digits; make one: (umask 077;");
-    for (const mode_t mode : {0644, 0640, 0620, 0602}) {
-        chmod(file.c_str(), mode);
-        expectSays(refusal({}, "key_file: " + file), ": other users can read or write it (mode " +
-                                                         std::string(mode == 0644   ? "644"
-                                                                     : mode == 0640 ? "640"
-                                                                     : mode == 0620 ? "620"
-                                                                                    : "602") +
+    for (const char* mode : {"644", "640", "620", "602"}) {
+        chmod(file.c_str(), static_cast<mode_t>(std::strtol(mode, nullptr, 8)));
+        expectSays(refusal({}, "key_file: " + file), ": other users can read or write it (mode " + std::string(mode) +
                                                          "); if nobody did: chmod 600 " + file);
     }
 }
@@ -458,26 +437,18 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
     mind = {};
     mind.velocity = 0.5;
     expectSays(refusal(mind, "connect_timeout_s: 3"), "does not come to rest: its joints move with up to 0.5 rad/s");
-    const PluginBench bench;
-    RobotModel model(bench.setup().robot);
     /** Within so many ticks; the robot is then told to stop. */
     const auto expectEnd = [&](const std::function<void(TestRobot&)>& change, const std::string& why, int ticks = 3,
                                const std::string& more = "repeat_ticks: 200") {
         RobotMind its;
         its.flags = VL_ENABLED | VL_HAS_EXTERNAL;
-        TestRobot robot("udp", its);
-        LinkPlant plant;
-        bench.configure(plant, say(robot, more, "0.3"));
-        drive(plant, model, 5);
+        Linked arm("udp", its, more, "0.3");
+        TestRobot& robot = arm.robot;
+        arm.drive(5);
         change(robot);
-        std::int64_t passed = 0;
-        JointVector applied;
         TickStatus status = TickStatus::Ok;
         int k = 0;
-        for (; k < 3000 && status == TickStatus::Ok; ++k) {
-            status = plant.read(passed);
-            if (status == TickStatus::Ok) plant.advance(bench.dynamics().gravity, applied);
-        }
+        for (; k < 3000 && status == TickStatus::Ok; ++k) status = arm.carry();
         EXPECT_EQ(status, TickStatus::Faulted) << why;
         EXPECT_LE(k, ticks) << why;
         expectSays(detail::readFaultExplanation(), why);
@@ -533,7 +504,6 @@ TEST(Fault84, ATickThatIsNotThatOfItsClockIsRefusedWithBoth) {
     mind.counted_ns = 1'250'001;  // beyond what a clock may differ; 1 % is tried below
     expectSays(refusal(mind), "its time goes on by 0.00125 s in each");
     // Late in one tick of four, and otherwise in time: that is no other tick.
-    const PluginBench bench;
     RobotMind late;
     int sent = 0;
     late.spoil = [&sent](std::uint8_t* packet) {
@@ -543,11 +513,7 @@ TEST(Fault84, ATickThatIsNotThatOfItsClockIsRefusedWithBoth) {
         const vl_key none{};
         vl_make_tag(packet, size, &none, packet + size - VL_TAG_SIZE);
     };
-    TestRobot robot("udp", late);
-    LinkPlant plant;
-    bench.configure(plant, say(robot));
-    RobotModel model(bench.setup().robot);
-    drive(plant, model, 200);
+    Linked("udp", late).drive(200);
 }
 
 /** 10 ticks to the robot, where the gains reckon with one. */
@@ -558,28 +524,20 @@ TEST(Fault83, ALineThatIsSlowerThanTheFileSaysIsRefused) {
     expectSays(why, "ticks after the state that it answers (median of ");
     expectSays(why,
                "and the file says delay_ticks: 1. See what slows the line or this computer, or write delay_ticks: 1");
-    const PluginBench bench;
-    TestRobot robot("udp", mind);
-    LinkPlant plant;
-    bench.configure(plant, say(robot, "delay_ticks: 11"));
-    RobotModel model(bench.setup().robot);
-    drive(plant, model, 50);
-    EXPECT_GT(plant.measured().qd[0], 0.01);
+    Linked arm("udp", mind, "delay_ticks: 11");
+    arm.drive(50);
+    EXPECT_GT(arm.plant.measured().qd[0], 0.01);
 }
 
 /** Its packets make the ticks, whatever another clock says. */
 TEST(Fault84, AClockOnePercentFastOrSlowIsFollowed) {
-    const PluginBench bench;
-    RobotModel model(bench.setup().robot);
     for (const std::int64_t period_ns : {990'000, 1'010'000}) {
         RobotMind mind = makeClocked();
         mind.period_ns = mind.counted_ns = period_ns;
-        TestRobot robot("udp", mind);
-        LinkPlant plant;
-        bench.configure(plant, say(robot));
-        drive(plant, model, 1);
+        Linked arm("udp", mind);
+        arm.drive(1);
         const std::int64_t begin = vl_now_ns();
-        drive(plant, model, 100);
+        arm.drive(100);
         EXPECT_GE(vl_now_ns() - begin, 98 * period_ns);
     }
 }
@@ -587,19 +545,11 @@ TEST(Fault84, AClockOnePercentFastOrSlowIsFollowed) {
 /** As where all answers come too late: the run does not go on beside an arm that nobody drives, and would have to catch up
 with the nominal one in a jump. */
 TEST(Fault83, ARobotThatTakesNoTorqueEndsTheRunBeforeTheArmsAreApart) {
-    const PluginBench bench;
-    TestRobot robot("udp", makeClocked());
-    LinkPlant plant;
-    bench.configure(plant, say(robot, "repeat_ticks: 1000"));
-    robot.isDeaf = true;
+    Linked arm("udp", makeClocked(), "repeat_ticks: 1000");
+    arm.robot.isDeaf = true;
     TickStatus status = TickStatus::Ok;
-    JointVector applied;
     int torques = 0;
-    for (; torques < 1000 && status == TickStatus::Ok; ++torques) {
-        std::int64_t passed = 0;
-        status = plant.read(passed);
-        if (status == TickStatus::Ok) plant.advance(bench.dynamics().gravity, applied);
-    }
+    for (; torques < 1000 && status == TickStatus::Ok; ++torques) status = arm.carry();
     EXPECT_EQ(status, TickStatus::Faulted);
     EXPECT_LE(torques, 40);
     expectSays(detail::readFaultExplanation(),
@@ -613,10 +563,7 @@ TEST(Fault83, ARobotOfAnotherVersionIsRefused) {
     mind.spoil = [n = 0](std::uint8_t* packet) mutable {  // three of them are bits that flipped on the line
         if (++n <= 3) packet[4] = VL_VERSION + 1;
     };
-    const PluginBench bench;
-    TestRobot robot("udp", mind);
-    LinkPlant plant;
-    bench.configure(plant, say(robot));
+    const Linked arm("udp", mind);
 }
 
 /** Ctrl-C while the robot is called. */

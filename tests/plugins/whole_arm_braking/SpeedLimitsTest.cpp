@@ -40,12 +40,17 @@ private:
     std::optional<RunSetup> setup_;
 };
 
+/** For every point of the arm [m/s]. */
+SpeedLimits limitArm(double speed) {
+    SpeedLimits limits;
+    limits.arm = speed;
+    return limits;
+}
+
 // To random poses as fast as a stiff law wants, with 0.25 m/s for every point: never more, and near it whenever more is asked for.
 TEST(SpeedLimits, TheArmRunsAtTheLimitInsteadOfStopping) {
     for (const char* robot : {"indy7", "panda", "ur5e"}) {
-        SpeedLimits limits;
-        limits.arm = 0.25;
-        LimitedArm arm(limits, {}, robot);
+        LimitedArm arm(limitArm(0.25), {}, robot);
         arm.configure();
         EXPECT_TRUE(arm.filter.traits().guarantees.has(LimitKind::Speed));
         std::mt19937 random(3);
@@ -81,9 +86,7 @@ TEST(SpeedLimits, TheArmRunsAtTheLimitInsteadOfStopping) {
 // A start just below a limit is one within it: what is proven of it is as sharp as that.
 TEST(SpeedLimits, AStartJustBelowALimitIsNotRefused) {
     for (const double share : {0.9, 0.97, 0.99, 0.995, 0.999}) {
-        SpeedLimits limits;
-        limits.arm = 0.25;
-        LimitedArm arm(limits);
+        LimitedArm arm(limitArm(0.25));
         arm.state.qd[0] = 0.1;
         arm.state.qd *= share / arm.use();
         EXPECT_NO_THROW(arm.configure()) << share;
@@ -98,8 +101,7 @@ TEST(SpeedLimits, OutsideOfItsRegionsAnArmIsKnownToBeFree) {
     limits.regions.push_back({"far", Eigen::Vector3d::Constant(5.0), Eigen::Vector3d::Constant(6.0), 0.05});
     LimitedArm arm(limits);
     arm.configure();
-    JointVector goal = arm.robot.home;
-    goal[0] += 1.0;
+    const JointVector goal = turned(arm.robot.home, 0, 1.0);
     for (int tick = 0; tick < 300; ++tick) {
         arm.goTo(goal, 100.0);
         ASSERT_TRUE(arm.decision.reports[LimitKind::Speed].isKnown) << tick;
@@ -111,11 +113,9 @@ TEST(SpeedLimits, OutsideOfItsRegionsAnArmIsKnownToBeFree) {
 
 // Without the filter's steering it is kept just as well.
 TEST(SpeedLimits, WithoutSteeringTheyAreKept) {
-    SpeedLimits limits;
-    limits.arm = 0.1;
     WholeArmBrakingOptions options;
     options.steers = false;
-    LimitedArm arm(limits, options);
+    LimitedArm arm(limitArm(0.1), options);
     arm.configure();
     std::mt19937 random(4);
     JointVector goal;
@@ -137,14 +137,12 @@ TEST(SpeedLimits, ARegionIsEnteredSlowly) {
     const Eigen::Vector3d tool = free.dynamics.tool.position;
     const double angle = std::atan2(tool.y(), tool.x()) + 0.6, radius = tool.head<2>().norm();
     const Eigen::Vector3d centre(radius * std::cos(angle), radius * std::sin(angle), tool.z());
-    SpeedLimits limits;
-    limits.arm = 0.5;
+    SpeedLimits limits = limitArm(0.5);
     limits.regions.push_back(
         {"box", centre - Eigen::Vector3d::Constant(0.05), centre + Eigen::Vector3d::Constant(0.05), 0.05});
     LimitedArm arm(limits);
     arm.configure();
-    JointVector goal = arm.robot.home;
-    goal[0] += 1.4;
+    const JointVector goal = turned(arm.robot.home, 0, 1.4);
     double most = 0.0, fastest = 0.0;
     int inside = 0, insideAtLimit = 0, tick = 0;
     for (; tick < 30000 && arm.state.q[0] < goal[0] - 0.05; ++tick) {
@@ -186,19 +184,16 @@ TEST(SpeedLimits, TheToolAloneIsLimited) {
 }
 
 TEST(SpeedLimits, AStartThatIsTooFastIsRefusedOrSlowedDown) {
-    SpeedLimits limits;
-    limits.arm = 0.1;
-    LimitedArm arm(limits);
+    LimitedArm arm(limitArm(0.1));
     arm.state.qd[0] = 1.0;
-    test::expectContains(test::catchError([&] { arm.configure(); }), {"link", "m/s", "0.1", "recovery"});
+    expectError({"link", "m/s", "0.1", "recovery"}, [&] { arm.configure(); });
     WholeArmBrakingOptions options;
     options.joints.recovery = true;
-    LimitedArm slowed(limits, options);
+    LimitedArm slowed(limitArm(0.1), options);
     slowed.state.qd[0] = 1.0;
     slowed.configure();
     EXPECT_FALSE(slowed.filter.traits().guarantees.has(LimitKind::Speed));
-    JointVector goal = slowed.robot.home;
-    goal[0] += 1.0;
+    const JointVector goal = turned(slowed.robot.home, 0, 1.0);
     double first = slowed.use(), most = first;
     for (int tick = 0; tick < 3000; ++tick) {
         slowed.goTo(goal, 100.0);
@@ -213,8 +208,7 @@ TEST(SpeedLimits, AStartThatIsTooFastIsRefusedOrSlowedDown) {
 
 TEST(SpeedLimits, AllocateNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
-    SpeedLimits limits;
-    limits.arm = 0.25;
+    SpeedLimits limits = limitArm(0.25);
     limits.tool = 0.2;
     limits.regions.push_back({"box", {-1.0, -1.0, 0.3}, {1.0, 1.0, 0.6}, 0.1});
     LimitedArm arm(limits);
@@ -228,9 +222,7 @@ TEST(SpeedLimits, AllocateNothing) {
 
 TEST(SpeedLimits, NumbersThatAreNoneAreRefused) {
     for (const double speed : {0.0, -1.0, 1e-6, std::numeric_limits<double>::quiet_NaN()}) {
-        SpeedLimits limits;
-        limits.arm = speed;
-        LimitedArm arm(limits);
+        LimitedArm arm(limitArm(speed));
         EXPECT_THROW(arm.configure(), Error) << speed;
         SpeedLimits region;
         region.regions.push_back({"box", {0.0, 0.0, 0.0}, {1.0, 1.0, 1.0}, speed});

@@ -6,6 +6,12 @@
 
 namespace viable {
 
+inline JointVector turned(const JointVector& q, int joint, double angle) {
+    JointVector other = q;
+    other[joint] += angle;
+    return other;
+}
+
 /** The nominal arm under the whole arm's filter, which who uses it configures. */
 class FilteredWholeArm {
 public:

@@ -82,16 +82,24 @@ protected:
     std::string get(const std::string& target, const std::string& fields) {
         return "GET " + target + " HTTP/1.1\r\n" + fields + "\r\n";
     }
+    std::string getSocket(const std::string& target, const std::string& protocol, const std::string& origin,
+                          const std::string& host) {
+        return get(target, "Host: " + host + "\r\n" + (origin.empty() ? "" : "Origin: " + origin + "\r\n") +
+                               "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+                               "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: " +
+                               protocol + "\r\n");
+    }
     std::string upgrade(const std::string& token, const std::string& origin, const std::string& host) {
-        return get("/live", "Host: " + host + "\r\n" + (origin.empty() ? "" : "Origin: " + origin + "\r\n") +
-                                "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: viable.1" +
-                                (token.empty() ? "" : ", " + token) + "\r\n");
+        return getSocket("/live", "viable.1" + (token.empty() ? "" : ", " + token), origin, host);
+    }
+    /** The same of the head alone: a socket stays open behind it. */
+    int statusOfHead(const std::string& request) {
+        TlsClient client(server_.port());
+        client.send(request);
+        return statusOf(client.readHead());
     }
     int statusOfUpgrade(const std::string& token, const std::string& origin, const std::string& host) {
-        TlsClient client(server_.port());
-        client.send(upgrade(token, origin, host));
-        return statusOf(client.readHead());
+        return statusOfHead(upgrade(token, origin, host));
     }
 
     /** A viewer, after its greeting. */
@@ -108,11 +116,20 @@ protected:
         return client;
     }
 
+    std::unique_ptr<PageServer> makeServer() {
+        return std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+    }
     /** Asks a server of its own to let a viewer in. */
     void knock(PageServer& server, TlsClient& client) {
         const std::string there = "127.0.0.1:" + std::to_string(server.port());
         const std::string address = server.makeAddress();
         client.send(upgrade(address.substr(address.find('#') + 1), "https://" + there, there));
+    }
+    /** The same; it is let in, and greeted. */
+    void enter(PageServer& server, TlsClient& client, int greetings = 0) {
+        knock(server, client);
+        ASSERT_EQ(statusOf(client.readHead()), 101);
+        for (; greetings > 0; --greetings) ASSERT_EQ(readFrame(client).opcode, 1);
     }
 
     /** [s] */
@@ -160,16 +177,11 @@ protected:
     }
     std::string watch(const std::string& secret, const std::string& protocol, const std::string& origin,
                       const std::string& host) {
-        return get("/watch/" + secret, "Host: " + host + "\r\n" + (origin.empty() ? "" : "Origin: " + origin + "\r\n") +
-                                           "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                                           "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Protocol: " +
-                                           protocol + "\r\n");
+        return getSocket("/watch/" + secret, protocol, origin, host);
     }
     int statusOfWatch(const std::string& secret, const std::string& protocol, const std::string& origin,
                       const std::string& host) {
-        TlsClient client(server_.port());
-        client.send(watch(secret, protocol, origin, host));
-        return statusOf(client.readHead());
+        return statusOfHead(watch(secret, protocol, origin, host));
     }
 
     const std::shared_ptr<const FoxgloveChannels> channels_ = std::make_shared<const FoxgloveChannels>(
@@ -373,15 +385,12 @@ TEST_F(PageServerTest, Fault70_WhoReadsNothingIsCutOffThoughItSpeaks) {
 TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
     for (int round = 0; round < 40; ++round) {
         SCOPED_TRACE(round);
-        auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+        auto server = makeServer();
         TlsClient silent(server->port(), false);  // in its handshake
         TlsClient slow(server->port());
         slow.send("GET / HTTP/1.1\r\nHost: ");
         TlsClient in(server->port()), leaving(server->port(), true, "127.0.0.2"), coming(server->port());
-        for (TlsClient* one : {&in, &leaving}) {
-            knock(*server, *one);
-            EXPECT_EQ(statusOf(one->readHead()), 101);
-        }
+        for (TlsClient* one : {&in, &leaving}) enter(*server, *one);
         leaving.send(makeFrame(0x88, ""));
         knock(*server, coming);
         std::this_thread::sleep_for(std::chrono::microseconds(50 * round));  // its WebSocket is perhaps under way
@@ -392,11 +401,9 @@ TEST_F(PageServerTest, ItEndsAtOnceWhateverItsClientsDo) {
 TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
     for (const bool answers : {true, false}) {
         SCOPED_TRACE(answers);
-        auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+        auto server = makeServer();
         TlsClient viewer(server->port());
-        knock(*server, viewer);
-        ASSERT_EQ(statusOf(viewer.readHead()), 101);
-        for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
+        enter(*server, viewer, 2);
         server->broadcast("event", "{\"event\":\"stopped\"}");
         server->show(std::string(60000, 'l'));
         const double took_s = timeEnd(server, [&] {
@@ -415,11 +422,9 @@ TEST_F(PageServerTest, TheEndLetsOutWhatWasToldAndShownLast) {
 
 // Goodbye and reader of Boost 1.74 then wait for each other.
 TEST_F(PageServerTest, TheEndComesThoughAMessageGoesWrongWithinTheGoodbye) {
-    auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+    auto server = makeServer();
     TlsClient viewer(server->port());
-    knock(*server, viewer);
-    ASSERT_EQ(statusOf(viewer.readHead()), 101);
-    for (int greeting = 0; greeting < 2; ++greeting) ASSERT_EQ(readFrame(viewer).opcode, 1);
+    enter(*server, viewer, 2);
     const std::string message = makeFrame(kText, std::string(50, 'a') + "\xff\xff");  // no UTF-8
     viewer.send(message.substr(0, 30));
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -434,7 +439,7 @@ TEST_F(PageServerTest, TheEndComesThoughAMessageGoesWrongWithinTheGoodbye) {
 TEST_F(PageServerTest, TheEndComesThoughAViewerReadsNothingAndAsksOn) {
     for (const unsigned char last : {0x89, 0x88, 0x81, 0x83}) {  // ping, close, text, none that there is
         SCOPED_TRACE(static_cast<int>(last));
-        auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+        auto server = makeServer();
         TlsClient viewer(server->port());
         knock(*server, viewer);
         ASSERT_TRUE(await([&] {  // its write is stalled
@@ -453,10 +458,9 @@ TEST_F(PageServerTest, TheEndComesThoughAViewerReadsNothingAndAsksOn) {
 TEST_F(PageServerTest, TheEndComesThoughAViewerSendsOn) {
     const std::string message = makeFrame(kBinary, std::string(60000, 'm'));
     for (int round = 0; round < 10; ++round) {
-        auto server = std::make_unique<PageServer>(makeOptions(), feed_, [](PageWish) {});
+        auto server = makeServer();
         TlsClient viewer(server->port());
-        knock(*server, viewer);
-        ASSERT_EQ(statusOf(viewer.readHead()), 101);
+        enter(*server, viewer);
         std::atomic<bool> isOver{false};
         std::thread flood([&] {
             while (!isOver && viewer.send(message)) {
@@ -483,8 +487,7 @@ TEST_F(PageServerTest, TheEndIsToldToAllThoughTheProgramThrows) {
         std::vector<std::unique_ptr<TlsClient>> viewers;
         for (int i = 0; i < 3; ++i) {
             TlsClient& viewer = *viewers.emplace_back(std::make_unique<TlsClient>(server->port()));
-            knock(*server, viewer);
-            ASSERT_EQ(statusOf(viewer.readHead()), 101);
+            enter(*server, viewer);
             if (i != operating) continue;
             viewer.send(makeFrame(kText, "take"));
             viewer.send(makeFrame(kText, "record"));
@@ -522,10 +525,7 @@ TEST_F(PageServerTest, Fault67_ATokenCountsUntilItsBrowserIsIn) {
     const auto knock = [&](const std::string& key) {
         std::string request = upgrade(good, origin(), host());
         const std::string line = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
-        request.replace(request.find(line), line.size(), key);
-        TlsClient client(server_.port());
-        client.send(request);
-        return statusOf(client.readHead());
+        return statusOfHead(request.replace(request.find(line), line.size(), key));
     };
     EXPECT_EQ(knock(""), 400);
     EXPECT_TRUE(await([&] { return server_.counts().connections == 0; }));
@@ -900,12 +900,11 @@ TEST_F(PageServerTest, Fault64_WhoIsCutOffWithoutAWordIsGoneAfterAWhile) {
 TEST_F(PageServerTest, Fault62_AHandThatSeesTheArmTooLateDoesNotCount) {
     auto viewer = join();
     viewer->send(makeFrame(kText, "take"));
-    const double nan = kNan;
     int late = 0;
     viewer->send(makeFrame(kBinary, makeHand(1, feed_->now() - 0.25)));  // not followed
     EXPECT_TRUE(await([&] { return server_.counts().lateHands == 1; }));
     EXPECT_EQ(feed_->take().message.engagement, 0u);
-    for (const double echo_s : {feed_->now() - PageServer::kLate_s - 0.1, feed_->now() + 10.0, nan, 0.0}) {
+    for (const double echo_s : {feed_->now() - PageServer::kLate_s - 0.1, feed_->now() + 10.0, kNan, 0.0}) {
         viewer->send(makeFrame(kBinary, makeHand(1, echo_s)));
         ++late;
         EXPECT_TRUE(await([&] { return server_.counts().hands == late; }));

@@ -35,7 +35,7 @@ public:
         context_ = SSL_CTX_new(TLS_client_method());
         ssl_ = SSL_new(context_);
         SSL_set_fd(ssl_, socket_);
-        isOpen_ = SSL_connect(ssl_) == 1;
+        SSL_connect(ssl_);
     }
     ~TlsClient() {
         SSL_free(ssl_);
@@ -44,8 +44,6 @@ public:
     }
     TlsClient(const TlsClient&) = delete;
     TlsClient& operator=(const TlsClient&) = delete;
-
-    bool isOpen() const { return isOpen_; }
 
     bool send(const std::string& bytes) {
         return bytes.empty() || SSL_write(ssl_, bytes.data(), static_cast<int>(bytes.size())) > 0;
@@ -86,7 +84,6 @@ private:
     int socket_ = -1;
     SSL_CTX* context_ = nullptr;
     SSL* ssl_ = nullptr;
-    bool isOpen_ = false;
 };
 
 /** A frame of a WebSocket's client, masked with zeros. @param first  FIN, reserved bits and opcode */
@@ -95,12 +92,11 @@ inline std::string makeFrame(unsigned char first, const std::string& payload, bo
     const unsigned char mask = isMasked ? 0x80 : 0;
     if (payload.size() < 126) {
         frame += static_cast<char>(mask | payload.size());
-    } else if (payload.size() < 65536) {
-        frame += static_cast<char>(mask | 126);
-        for (int shift = 8; shift >= 0; shift -= 8) frame += static_cast<char>(payload.size() >> shift & 0xff);
     } else {
-        frame += static_cast<char>(mask | 127);
-        for (int shift = 56; shift >= 0; shift -= 8) frame += static_cast<char>(payload.size() >> shift & 0xff);
+        const bool isLong = payload.size() > 65535;
+        frame += static_cast<char>(mask | (isLong ? 127 : 126));
+        for (int shift = isLong ? 56 : 8; shift >= 0; shift -= 8)
+            frame += static_cast<char>(payload.size() >> shift & 0xff);
     }
     if (isMasked) frame += std::string(4, '\0');
     return frame + payload;

@@ -1,10 +1,8 @@
 #include <sys/fsuid.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 
-#include <csignal>
-
 #include "Effort.h"
+#include "FullDisk.h"
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 
@@ -163,25 +161,20 @@ TEST_F(LogRecoveryTest, Fault72_AFullDiskLeavesNothing) {
     const LogLayout layout = makeLayout(6, Space::Joint, true);
     const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 850, 0.001, 56));
     writeBytes(path("cut.mcap"), log.bytes.substr(0, log.writes.back()));
-    rlimit before;
-    ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
-    const auto oldHandler = std::signal(SIGXFSZ, SIG_IGN);
     // Full in the opening, at a chunk's border, in a chunk, in the summary, before the last byte.
     for (const std::size_t room :
          {std::size_t{1}, log.writes[1], log.writes[4] + 1000, log.writes.back(), log.bytes.size() - 1}) {
         SCOPED_TRACE("room for " + std::to_string(room) + " bytes");
-        rlimit small = before;
-        small.rlim_cur = room;
-        ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
-        const std::string text =
-            catchError(ErrorKind::LogNotWritten, [&] { recoverLog(path("cut.mcap"), path("full.mcap")); });
-        ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+        std::string text;
+        {
+            const FullDisk disk(room);
+            text = catchError(ErrorKind::LogNotWritten, [&] { recoverLog(path("cut.mcap"), path("full.mcap")); });
+        }
         EXPECT_EQ(text, path("full.mcap").string() +
                             ": the file cannot be written: File too large. Choose a folder that "
                             "exists, may be written to and has room");
         EXPECT_EQ(listFolder(), std::vector<std::string>{"cut.mcap"});
     }
-    std::signal(SIGXFSZ, oldHandler);
     EXPECT_EQ(recoverLog(path("cut.mcap"), path("whole.mcap")), 850u);
 }
 

@@ -8,9 +8,9 @@
 namespace viable::test {
 namespace {
 
-/** One joint within +-1 rad, 2 rad/s, 3 rad/s^2 and 4 rad/s^3. */
-JointLimits makeLimits() {
-    const auto both = [](double x) { return JointBounds{JointVector::Constant(1, -x), JointVector::Constant(1, x)}; };
+/** Each joint within +-1 rad, 2 rad/s, 3 rad/s^2 and 4 rad/s^3. */
+JointLimits makeLimits(int n = 1) {
+    const auto both = [n](double x) { return JointBounds{JointVector::Constant(n, -x), JointVector::Constant(n, x)}; };
     return {both(1.0), both(2.0), both(3.0), both(4.0)};
 }
 
@@ -33,6 +33,20 @@ struct HandMadeRun {
         r.joints[0] = acting;
         r.verdict = verdict;
         r.stops[0] = {1.0 - std::abs(q), 0.0};
+        result.summary.add(r);
+    }
+    /** A tick of a tool at `place`, turned about z, whose command waves along x. */
+    void addTool(const Eigen::Vector3d& place, double turn = 0.0) {
+        TickRecord r;
+        r.time_s = 0.001 * static_cast<double>(ticks++);
+        r.limits = limits;
+        r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
+        r.command.space = MotionCommand::Space::Tool;
+        r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(r.time_s), 0.0, 0.0);
+        r.tool.position = place;
+        r.tool.orientation = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ());
+        r.removedTorque.setZero(1);
+        r.joints[0] = acting;
         result.summary.add(r);
     }
     void end(double q) {
@@ -155,8 +169,7 @@ TEST(Summary, AJointThatSlidesIsInMetresAndNewtons) {
 }
 
 TEST(Summary, AnArmWithBothKindsOfJointsHasBothUnits) {
-    const auto both = [](double x) { return JointBounds{JointVector::Constant(2, -x), JointVector::Constant(2, x)}; };
-    const JointLimits limits{both(1.0), both(2.0), both(3.0), both(4.0)};
+    const JointLimits limits = makeLimits(2);
     CaseResult result(Summary({"turns", "slides"}, limits, false));
     result.summary.setSliding({false, true});
     TickRecord r;
@@ -226,8 +239,7 @@ TEST(Summary, OneWordForOneThing) {
 }
 
 TEST(Summary, TooManyMissedTicksComeWithARemedy) {
-    const Experiment e = readTestExperiment(kOneJoint, {"missed_ticks=[{at_s: 0.3, count: 1001}]"});
-    const CaseResult result = runCase(configureCase(e.cases[0]), {});
+    const CaseResult result = runFirstCase(kOneJoint, {"missed_ticks=[{at_s: 0.3, count: 1001}]"});
     EXPECT_EQ(result.exitCode(), 4);
     expectContains(formatDetails(result), {"more than 1000 ticks in a row were missed. Lower"});
 }
@@ -363,17 +375,8 @@ CaseResult wave(const ToolTask& task, const Eigen::Vector3d& place, double lag_s
     HandMadeRun hand;
     hand.result.summary.setTask(task);
     for (int k = 0; k < 10000; ++k) {
-        const double t = hand.ticks++ * 0.001;
-        TickRecord r;
-        r.time_s = t;
-        r.limits = hand.limits;
-        r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
-        r.command.space = MotionCommand::Space::Tool;
-        r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.0, 0.0);
-        r.tool.position = place + Eigen::Vector3d(stands ? 0.0 : 0.1 * std::sin(std::max(0.0, t - lag_s)), 0.0, 0.0);
-        r.tool.orientation = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ());
-        r.removedTorque.setZero(1);
-        hand.result.summary.add(r);
+        const double x = stands ? 0.0 : 0.1 * std::sin(std::max(0.0, 0.001 * k - lag_s));
+        hand.addTool(place + Eigen::Vector3d(x, 0.0, 0.0), turn);
     }
     return hand.result;
 }
@@ -427,16 +430,8 @@ TEST(Verdict, AToolThatIsHeldOffByAnObstacleDoesNotSwing) {
         HandMadeRun hand;
         for (int k = 0; k < 10000; ++k) {
             const double t = 0.001 * k;
-            TickRecord r;
-            r.time_s = t;
-            r.limits = hand.limits;
-            r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
-            r.command.space = MotionCommand::Space::Tool;
-            r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.0, 0.0);
-            r.tool.position = Eigen::Vector3d(0.1 * std::sin(t), 0.3, sway_m * std::sin(5.0 * t));
-            r.removedTorque.setZero(1);
-            if (t < actsUntil_s) r.joints[0] = {kind, LimitSide::Lower};
-            hand.result.summary.add(r);
+            hand.acting = t < actsUntil_s ? JointIntervention{kind, LimitSide::Lower} : JointIntervention{};
+            hand.addTool({0.1 * std::sin(t), 0.3, sway_m * std::sin(5.0 * t)});
         }
         return formatVerdict(hand.result);
     };
@@ -488,14 +483,11 @@ TEST(Verdict, ASpringThatTheJerkLimitKeepsSwingingIsTold) {
                                             "filter={plugin: certified_braking}", "duration_s=20",
                                             "limits={velocity_radps: 3, acceleration_radps2: 8, jerk_radps3: 20}",
                                             "command={plugin: waypoints, points: [[0, 1]]}"};
-    const auto run = [&](const std::vector<std::string>& overrides) {
-        const Experiment e = readTestExperiment(kOneJoint, overrides);
-        return runCase(configureCase(e.cases[0]), {});
-    };
-    expectContains(formatVerdict(run(stiff)), {"all limits kept", "joint0 swings about a command at rest"});
+    expectContains(formatVerdict(runFirstCase(kOneJoint, stiff)),
+                   {"all limits kept", "joint0 swings about a command at rest"});
     std::vector<std::string> servo = stiff;
     servo[0] = "controller={plugin: joint_servo}";
-    const CaseResult quiet = run(servo);
+    const CaseResult quiet = runFirstCase(kOneJoint, servo);
     EXPECT_TRUE(findProblems(quiet).empty()) << formatVerdict(quiet);
 }
 
