@@ -18,6 +18,8 @@ constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.11;
 /** An arm is held off by what is no farther away than this beyond the safety distance: references rest 2 mm before the filter's
 aim, which is 5 mm beyond it [m]. */
 constexpr double kHeldOff_m = 0.008;
+/** Among the kinds of limits that act: something is so near. */
+constexpr unsigned kNear = 1u << 31;
 /** Less is not judged [s]. */
 constexpr double kLeastJudged_s = 0.5;
 /** A tool is no nearer to the base than this, for the speeds that joints give it [m]. */
@@ -133,7 +135,7 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
 void Following::addCauses(double squaredError, unsigned acting, double tick_s) {
     constexpr unsigned kHeldOff = 1u << static_cast<unsigned>(LimitKind::Clearance);
     heldOff_s_ = acting & kHeldOff ? kWayBack_s : heldOff_s_ - tick_s;
-    if (heldOff_s_ > 0.0) acting |= kHeldOff;
+    if (heldOff_s_ > 0.0 || (acting & kNear)) acting |= kHeldOff;
     for (std::size_t k = 0; k < squaredBy_.size(); ++k)
         if (acting >> k & 1u) squaredBy_[k] += squaredError;
 }
@@ -451,8 +453,9 @@ void Summary::add(const TickRecord& record) {
     for (int i = 0; i < n; ++i) actingKinds_ |= 1u << static_cast<unsigned>(record.joints[i].limit);
     // A controller that knows what is near leads no joint into it, and the filter has nothing to do.
     if (const LimitReport& near = record.reports[LimitKind::Clearance];
-        near.isKnown && near.margin < safetyDistance_m_ + kHeldOff_m)
-        actingKinds_ |= 1u << static_cast<unsigned>(LimitKind::Clearance);
+        actingKinds_ == 1u << static_cast<unsigned>(LimitKind::None) && near.isKnown &&
+        near.margin < safetyDistance_m_ + kHeldOff_m)
+        actingKinds_ |= kNear;
     for (int i = 0; i < n; ++i) {
         addIntervention(i, record);
         addCommand(i, record);

@@ -63,7 +63,8 @@ public:
     /** Of the command. */
     double targetSpeedRms() const { return ticks_ > 1 ? calcRms(squaredTargetSpeed_, ticks_ - 1) : 0.0; }
     /** Of the sum of squared errors: the part while a limit of that kind acted on a joint, 0 to 1. A clearance counts for
-    kWayBack_s more: an arm that was held off has its way back before it. */
+    kWayBack_s more: an arm that was held off has its way back before it. It counts, too, where no limit acts and the arm
+    is as near to something as references that keep clear go. */
     double share(LimitKind kind) const;
     static constexpr double kWayBack_s = 1.0;
 

@@ -1,6 +1,7 @@
 #include "tracking/JointFollower.h"
 
 #include <cmath>
+#include <utility>
 
 #include "viable/braking/Braking.h"
 
@@ -31,6 +32,7 @@ void JointFollower::configure(const RobotDescription& robot, const JointLimits& 
 void JointFollower::reset(const MotionState& start) {
     servo_.reset(start);
     ticksLeft_ = 0;
+    wasGuided_ = false;
 }
 
 void JointFollower::skipTicks(std::int64_t ticks) {
@@ -41,6 +43,7 @@ void JointFollower::skipTicks(std::int64_t ticks) {
 void JointFollower::calc(const MotionState& state, const MotionState& target, const Surroundings* surroundings,
                          double time_s, JointVector& jerk) {
     if (ticksLeft_ == 0) {
+        if (std::exchange(wasGuided_, false)) servo_.reset(state);
         servo_.calc(state, target, jerk);
         if (!guide_ || !servo_.isLed()) return;
         guide_->reset(state);
@@ -50,7 +53,7 @@ void JointFollower::calc(const MotionState& state, const MotionState& target, co
     guide_->calc(state, goal_, surroundings, time_s, jerk);
     const bool isFree = !guide_->isLed() && (guide_->reference().q() - goal_).cwiseAbs().maxCoeff() <= kThere;
     ticksLeft_ = isFree ? ticksLeft_ - 1 : longest_;
-    if (ticksLeft_ == 0) servo_.reset(state);
+    wasGuided_ = true;
 }
 
 }  // namespace viable

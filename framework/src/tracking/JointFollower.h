@@ -31,6 +31,7 @@ private:
     JointBounds range_;
     JointVector goal_;
     std::int64_t longest_ = 0, ticksLeft_ = 0;  ///< of being guided
+    bool wasGuided_ = false;                    ///< and servo_ knows nothing of the arm's state
 };
 
 }  // namespace viable

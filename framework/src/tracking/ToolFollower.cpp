@@ -111,6 +111,7 @@ void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surrou
         findAround(state);
     }
     reference_.advance(goal, surroundings, time_s, &around_);
+    if (reference_.hasNewGoal()) tremble_.reset(state.q);
     if (reference_.isHeldBack()) {
         reference_.leapTo(stop_, goal);
         if (std::is_same_v<Goal, JointVector> && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);

@@ -95,6 +95,8 @@ public:
     /** True if in the last tick a joint had its largest velocity or reached the end of `around`, or something barred
     the way. The command then jumped, is too fast, or cannot be reached. */
     bool isHeldBack() const { return isHeldBack_; }
+    /** In the last tick, of one with a geometry. */
+    bool hasNewGoal() const { return hasNewGoal_; }
 
 private:
     struct Clear;
@@ -108,7 +110,7 @@ private:
     bool isAtRest(const JointVector& goal);
 
     int n_ = 0;
-    bool isHeldBack_ = false, isBarred_ = false;
+    bool isHeldBack_ = false, isBarred_ = false, hasNewGoal_ = false;
     double tick_s_ = 0.0;
     JointLimits limits_;
     ToolReferenceOptions options_;
