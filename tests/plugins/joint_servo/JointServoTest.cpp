@@ -3,7 +3,6 @@
 #include "CaseSupport.h"
 #include "Effort.h"
 #include "TestArm.h"
-#include "tracking/JointFollower.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable::test {
@@ -58,30 +57,6 @@ TEST(JointServo, NeedsAJerkLimit) {
     expectError({"joint_servo", "jerk limit", "limits.jerk_radps3"}, [] {
         run({"limits.jerk_radps3=.inf", "filter.plugin=pass_through"});
     });
-}
-
-// An arm that was led once follows a reference for a while; handing over is in full motion where the set-point moves.
-TEST(JointServo, KeepsItsLimitsWhereAReferenceHandsOverInMotion) {
-    TestArm arm("panda");
-    JointFollower follower;
-    const ArmGeometry geometry = loadArmGeometry(arm.robot);
-    for (int cruise = 0; cruise < 40; ++cruise) {
-        MotionState state = arm.start, target = state;
-        follower.configure(arm.robot, arm.limits, arm.tick_s, state, 1.0, &geometry);
-        const double speed = 0.5 * arm.limits.velocity.upper[0];
-        JointVector jerk;
-        for (int tick = 0; tick < 4000; ++tick) {
-            const bool isStopping = tick > 1000 + 37 * cruise;
-            if (!isStopping) target.q[0] += speed * arm.tick_s;
-            target.qd[0] = isStopping ? 0.0 : speed;
-            follower.calc(state, target, nullptr, tick * arm.tick_s, jerk);
-            if (tick == 400) jerk[0] = 0.0;  // led
-            advanceArm(state, jerk, arm.tick_s);
-            ASSERT_LE((state.qdd - arm.limits.acceleration.upper).maxCoeff(), 1e-9) << cruise << " " << tick;
-            ASSERT_LE((arm.limits.acceleration.lower - state.qdd).maxCoeff(), 1e-9) << cruise << " " << tick;
-        }
-        EXPECT_LE((state.q - target.q).cwiseAbs().maxCoeff(), 1e-9) << cruise;
-    }
 }
 
 // 1e6 ticks: VIABLE_EFFORT=50
