@@ -11,7 +11,7 @@ void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::
     tick_s_ = tick_s;
     ticks_ = 1;
     for (int i = 0; i < n_; ++i) {
-        Joint& joint = joints_[static_cast<std::size_t>(i)];
+        Joint& joint = joints_[i];
         AxisState state{start.q[i], start.qd[i], start.qdd[i]};
         std::int64_t tick = 0;
         double travel = 0.0;
@@ -31,7 +31,7 @@ void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::
         };
         append(1, jerk[i]);
         for (int k = 0; k < GridStop::kSegments; ++k) {
-            const GridStop::Segment segment = stops[static_cast<std::size_t>(i)].remaining(k);
+            const GridStop::Segment segment = stops[i].remaining(k);
             if (segment.ticks > 0) append(segment.ticks, segment.jerk);
         }
         ticks_ = std::max(ticks_, tick);
@@ -48,24 +48,24 @@ void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::
 
 int ArmPath::Joint::find(double t) const {
     int k = pieces - 1;
-    while (k > 0 && begin_s[static_cast<std::size_t>(k)] > t) --k;
+    while (k > 0 && begin_s[k] > t) --k;
     return k;
 }
 
 int ArmPath::Joint::findTick(std::int64_t tick) const {
     int k = pieces - 1;
-    while (k > 0 && beginTick[static_cast<std::size_t>(k)] > tick) --k;
+    while (k > 0 && beginTick[k] > tick) --k;
     return k;
 }
 
 double ArmPath::calcRestTime(int i) const {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const Joint& joint = joints_[i];
     const bool stays = joint.pieces == 2 && joint.state[0].v == 0.0 && joint.state[0].a == 0.0 && joint.jerk[0] == 0.0;
-    return stays ? 0.0 : joint.begin_s[static_cast<std::size_t>(joint.pieces - 1)];
+    return stays ? 0.0 : joint.begin_s[joint.pieces - 1];
 }
 
 double ArmPath::calcPosition(int i, double t) const {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const Joint& joint = joints_[i];
     const auto k = static_cast<std::size_t>(joint.find(t));
     return advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]).p;
 }
@@ -73,7 +73,7 @@ double ArmPath::calcPosition(int i, double t) const {
 void ArmPath::calcPositions(double t, JointVector& q) const {
     q.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const Joint& joint = joints_[i];
         const auto k = static_cast<std::size_t>(joint.find(t));
         q[i] = advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]).p;
     }
@@ -83,7 +83,7 @@ void ArmPath::calcMotion(double t, JointVector& q, JointVector& qd) const {
     q.resize(n_);
     qd.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const Joint& joint = joints_[i];
         const auto k = static_cast<std::size_t>(joint.find(t));
         const AxisState s = advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]);
         q[i] = s.p;
@@ -92,7 +92,7 @@ void ArmPath::calcMotion(double t, JointVector& q, JointVector& qd) const {
 }
 
 double ArmPath::calcAcceleration(int i, double t) const {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
+    const Joint& joint = joints_[i];
     const auto k = static_cast<std::size_t>(joint.find(t));
     return joint.state[k].a + joint.jerk[k] * (t - joint.begin_s[k]);
 }
@@ -102,7 +102,7 @@ void ArmPath::calcTick(std::int64_t tick, JointVector& q, JointVector& qd, Joint
     qd.resize(n_);
     meanQdd.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const Joint& joint = joints_[i];
         const auto k = static_cast<std::size_t>(joint.findTick(tick));
         const AxisState s =
             advance(joint.state[k], joint.jerk[k], static_cast<double>(tick - joint.beginTick[k]) * tick_s_);
@@ -140,7 +140,7 @@ void ArmPath::calcPositions(double t, JointVector& q, JointVector& travel) const
     q.resize(n_);
     travel.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const Joint& joint = joints_[i];
         const auto k = static_cast<std::size_t>(joint.find(t));
         const double since = t - joint.begin_s[k];
         const AxisState end = advance(joint.state[k], joint.jerk[k], since);
@@ -154,7 +154,7 @@ void ArmPath::calcExtremes(Extremes& extremes) const {
          {&extremes.position, &extremes.velocity, &extremes.acceleration, &extremes.jerk, &extremes.travel})
         v->setZero(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
+        const Joint& joint = joints_[i];
         for (int piece = 0; piece < joint.pieces; ++piece) {
             const auto k = static_cast<std::size_t>(piece);
             const AxisState& s = joint.state[k];
@@ -178,7 +178,7 @@ component is farther from the straight line through its ends than h^2/8 times it
 void ArmPath::calcDifference(const ArmPath& other, std::int64_t begin, Difference& difference) const {
     for (JointVector* v : {&difference.position, &difference.velocity, &difference.acceleration}) v->setZero(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint &own = joints_[static_cast<std::size_t>(i)], &their = other.joints_[static_cast<std::size_t>(i)];
+        const Joint &own = joints_[i], &their = other.joints_[i];
         int k = 0, l = their.findTick(begin);
         double bend = 0.0, kink = 0.0;  // what straight lines miss of position and velocity
         for (std::int64_t tick = 0;;) {

@@ -58,12 +58,12 @@ void PeopleCheck::setKnown(const PeopleWatch& watch, double time_s) {
 /** Of the capsule from the person's bodies, or a lower bound where that is far enough [m]. */
 double PeopleCheck::calcDistance(const Pair& pair, const CapsuleMotion::Segment& segment, double radius,
                                  double rest_s) const {
-    const PeopleWatch::Known& known = watch_->known()[static_cast<std::size_t>(pair.person)];
+    const PeopleWatch::Known& known = watch_->known()[pair.person];
     const double roughly = calcPointDistance(known.centre, segment.a, segment.b) - known.size_m - radius;
     if (roughly - calcReach(pair.person, rest_s) > demand_.ahead + kFarFromPeople_m) return roughly;
     double least = kInfinity;
     for (int k = 0; k < known.count; ++k) {
-        const PeopleWatch::Body& body = known.bodies[static_cast<std::size_t>(k)];
+        const PeopleWatch::Body& body = known.bodies[k];
         least = std::min(least, calcSegmentDistance(segment.a, segment.b, body.a, body.b) - body.radius);
     }
     return least - radius;
@@ -88,13 +88,13 @@ bool PeopleCheck::sample(double time_s, bool isBegin, const std::vector<int>& op
         look.speeds[k] = speeds_.calcFastest(k).speed;
     }
     for (const int index : open) {
-        Pair& pair = pairs_[static_cast<std::size_t>(index)];
+        Pair& pair = pairs_[index];
         const auto k = static_cast<std::size_t>(pair.capsule);
         const double rest_s = parts_[k].rest_s;
         const double distance = calcDistance(pair, look.segments[k], speeds_.capsule(k).radius, rest_s);
-        look.distances[static_cast<std::size_t>(index)] = distance;
+        look.distances[index] = distance;
         if (isBegin) continue;  // no jerk changes that
-        const double contactSpeed = watch_->known()[static_cast<std::size_t>(pair.person)].contactSpeed;
+        const double contactSpeed = watch_->known()[pair.person].contactSpeed;
         // At its end a capsule is as near as it was when it came to rest.
         const double then = std::min(time_s, rest_s);
         if (contactSpeed > 0.0 && look.speeds[k] <= contactSpeed * (1.0 - kSpeedGuard)) continue;
@@ -115,15 +115,15 @@ bool PeopleCheck::sample(double time_s, bool isBegin, const std::vector<int>& op
 /** False: it is over. */
 bool PeopleCheck::prove(const Look& from, const Look& to, int depth, const std::vector<int>& open) {
     const double h = to.time_s - from.time_s;
-    std::vector<int>& left = open_[static_cast<std::size_t>(depth)];
+    std::vector<int>& left = open_[depth];
     left.clear();
     const bool isLast = depth > kDepth - 1 || left_ <= 0 || leftOfPath_ <= 0;
     for (const int index : open) {
-        const Pair& pair = pairs_[static_cast<std::size_t>(index)];
+        const Pair& pair = pairs_[index];
         const auto k = static_cast<std::size_t>(pair.capsule), at = static_cast<std::size_t>(index);
         const Capsule& part = parts_[k];
         if (from.time_s >= part.rest_s) continue;
-        const double contactSpeed = watch_->known()[static_cast<std::size_t>(pair.person)].contactSpeed;
+        const double contactSpeed = watch_->known()[pair.person].contactSpeed;
         if (contactSpeed > 0.0 && std::max(from.speeds[k], to.speeds[k]) + h * h / 8.0 * part.bendRate <= contactSpeed)
             continue;
         const CapsuleMotion::Segment &was = from.segments[k], &is = to.segments[k];
@@ -150,7 +150,7 @@ bool PeopleCheck::prove(const Look& from, const Look& to, int depth, const std::
     }
     if (!result_->isKept && mustBeGood_) return false;
     if (left.empty()) return true;
-    Look& middle = middle_[static_cast<std::size_t>(depth)];
+    Look& middle = middle_[depth];
     // The list of this depth lives until both halves are done: they use those of the next ones.
     return sample((from.time_s + to.time_s) / 2.0, false, left, middle) && prove(from, middle, depth + 1, left) &&
            prove(middle, to, depth + 1, left);
@@ -184,9 +184,8 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
         Pair& pair = pairs_[index];
         pair.least = kInfinity;
         pair.time_s = pair.lastFast_s = 0.0;
-        const bool moves = parts_[static_cast<std::size_t>(pair.capsule)].rest_s > 0.0;
-        if (moves && watch_->known()[static_cast<std::size_t>(pair.person)].isKnown)
-            all.push_back(static_cast<int>(index));
+        const bool moves = parts_[pair.capsule].rest_s > 0.0;
+        if (moves && watch_->known()[pair.person].isKnown) all.push_back(static_cast<int>(index));
     }
     if (all.empty()) return;
     sample(0.0, true, all, begin_);
@@ -198,10 +197,10 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
     // What cannot come near on all of the path is not looked at again.
     inQuestion_.clear();
     for (const int index : all) {
-        const Pair& pair = pairs_[static_cast<std::size_t>(index)];
-        const double rest_s = parts_[static_cast<std::size_t>(pair.capsule)].rest_s;
-        const double bound = begin_.distances[static_cast<std::size_t>(index)] -
-                             speeds_.motion().lever(pair.capsule).dot(extremes.travel) - calcReach(pair.person, rest_s);
+        const Pair& pair = pairs_[index];
+        const double rest_s = parts_[pair.capsule].rest_s;
+        const double bound = begin_.distances[index] - speeds_.motion().lever(pair.capsule).dot(extremes.travel) -
+                             calcReach(pair.person, rest_s);
         if (bound > demand.ahead) {
             result.seen = std::min(result.seen, bound);
             settle(pair, bound);
@@ -224,23 +223,21 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
     for (int count = 0; count < kMostRows; ++count) {
         int next = -1;
         for (const int index : inQuestion_) {
-            const Pair& pair = pairs_[static_cast<std::size_t>(index)];
+            const Pair& pair = pairs_[index];
             const bool isLeft = pair.least > above || (pair.least == above && index > before);
-            if (isLeft && pair.least < demand.ahead &&
-                (next < 0 || pair.least < pairs_[static_cast<std::size_t>(next)].least))
-                next = index;
+            if (isLeft && pair.least < demand.ahead && (next < 0 || pair.least < pairs_[next].least)) next = index;
         }
         if (next < 0) return;
-        const Pair& pair = pairs_[static_cast<std::size_t>(next)];
+        const Pair& pair = pairs_[next];
         above = pair.least;
         before = next;
         const auto k = static_cast<std::size_t>(pair.capsule);
-        const PeopleWatch::Known& known = watch_->known()[static_cast<std::size_t>(pair.person)];
+        const PeopleWatch::Known& known = watch_->known()[pair.person];
         speeds_.sample(stops.path, pair.time_s);
         const CapsuleMotion::Segment& segment = speeds_.pose().segments[k];
         ElementDistance::Place place;
         for (int j = 0; j < known.count; ++j) {
-            const PeopleWatch::Body& body = known.bodies[static_cast<std::size_t>(j)];
+            const PeopleWatch::Body& body = known.bodies[j];
             Eigen::Vector3d onArm, onBody;
             findNearestPoints(segment.a, segment.b, body.a, body.b, onArm, onBody);
             const Eigen::Vector3d apart = onArm - onBody;

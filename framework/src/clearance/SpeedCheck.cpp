@@ -135,7 +135,7 @@ bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
     }
     // A path that is too fast is not looked at to the last: where it is fastest is known well enough.
     if (!result_->isKept && most <= result_->seen + kGuard) return settle();
-    Look& middle = middle_[static_cast<std::size_t>(depth)];
+    Look& middle = middle_[depth];
     return sample((from.time_s + to.time_s) / 2.0, false, middle) && prove(from, middle, depth + 1) &&
            prove(middle, to, depth + 1);
 }
@@ -180,13 +180,12 @@ void SpeedCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Row
         const Eigen::Vector3d direction = fastest.velocity / fastest.speed;
         const ArmRecursion::Frames& frames = speeds_.pose().frames;
         for (int i = 0; i < n_; ++i) {
-            const auto at = static_cast<std::size_t>(i);
             row[i] = 0.0;
             if (!speeds_.arm().moves(i, part.carrier)) continue;
-            const Eigen::Vector3d& axis = frames.axis[at];
+            const Eigen::Vector3d& axis = frames.axis[i];
             const double slope = (speeds_.velocity()[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
             row[i] =
-                -direction.dot(speeds_.arm().isPrismatic(i) ? axis : axis.cross(fastest.point - frames.origin[at])) *
+                -direction.dot(speeds_.arm().isPrismatic(i) ? axis : axis.cross(fastest.point - frames.origin[i])) *
                 (std::isfinite(slope) ? std::max(slope, 0.0) : tick_s_ * tick_s_);
         }
         const double size = row.norm();

@@ -52,8 +52,7 @@ bool SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmEle
     const int before = rows.count;
     addClearance(place, element, frames, t_s, bound, stops, rows);
     if (rows.count == before) return true;
-    const auto last = static_cast<std::size_t>(before);
-    return rows.normal[last].dot(stops.otherJerk) >= rows.bound[last];
+    return rows.normal[before].dot(stops.otherJerk) >= rows.bound[before];
 }
 
 double SteeringRows::calcSteepness(const ElementDistance::Place& place, const ArmElement& element,

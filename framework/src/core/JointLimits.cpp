@@ -201,9 +201,8 @@ int countLimitKinds() noexcept {
 }
 
 const char* getName(LimitKind kind, LimitSide side) {
-    const auto row = static_cast<std::size_t>(kind);
     if (static_cast<int>(kind) >= countLimitKinds()) return "unknown";
-    const KindNames& names = getKinds().rows[row];
+    const KindNames& names = getKinds().rows[kind];
     return (side == LimitSide::Lower ? names.lower : side == LimitSide::Upper ? names.upper : names.neither).c_str();
 }
 

@@ -142,7 +142,7 @@ double CollisionChecker::Scene::calcArmReach() const {
     for (std::size_t j = 0; j < reach.size(); ++j) {
         const JointDescription& joint = robot.joints[j];
         reach[j] = joint.placement.translation().norm();
-        if (joint.parent >= 0) reach[j] += reach[static_cast<std::size_t>(joint.parent)];
+        if (joint.parent >= 0) reach[j] += reach[joint.parent];
         if (joint.type != JointType::Prismatic) continue;
         const JointBounds& position = robot.limits.position;
         const auto index = static_cast<Eigen::Index>(j);
@@ -152,7 +152,7 @@ double CollisionChecker::Scene::calcArmReach() const {
     }
     double most = 0.0;
     for (const LinkCapsule& capsule : geometry.capsules)
-        most = std::max(most, (capsule.carrier < 0 ? 0.0 : reach[static_cast<std::size_t>(capsule.carrier)]) +
+        most = std::max(most, (capsule.carrier < 0 ? 0.0 : reach[capsule.carrier]) +
                                   std::max(capsule.a.norm(), capsule.b.norm()) + capsule.radius);
     return most;
 }
@@ -170,7 +170,7 @@ void CollisionChecker::Scene::readMap() {
 }
 
 Eigen::Isometry3d CollisionChecker::Scene::calcMotion(int index, double q) const {
-    const JointDescription& joint = robot.joints[static_cast<std::size_t>(index)];
+    const JointDescription& joint = robot.joints[index];
     Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
     if (joint.type == JointType::Prismatic)
         motion.translation() = q * joint.axis;
@@ -183,9 +183,9 @@ Eigen::Isometry3d CollisionChecker::Scene::calcMotion(int index, double q) const
 std::vector<Segment> CollisionChecker::Scene::placeCapsules(const JointVector& q) const {
     std::vector<Eigen::Isometry3d> frames;
     for (int j = 0; j < robot.size(); ++j) {
-        const int parent = robot.joints[static_cast<std::size_t>(j)].parent;
+        const int parent = robot.joints[j].parent;
         const Eigen::Isometry3d motion = calcMotion(j, q[j]);
-        frames.push_back(parent < 0 ? motion : frames[static_cast<std::size_t>(parent)] * motion);
+        frames.push_back(parent < 0 ? motion : frames[parent] * motion);
     }
     std::vector<Segment> segments;
     for (const LinkCapsule& capsule : geometry.capsules) {
@@ -193,7 +193,7 @@ std::vector<Segment> CollisionChecker::Scene::placeCapsules(const JointVector& q
             segments.push_back({capsule.a, capsule.b});
             continue;
         }
-        const Eigen::Isometry3d& frame = frames[static_cast<std::size_t>(capsule.carrier)];
+        const Eigen::Isometry3d& frame = frames[capsule.carrier];
         segments.push_back({frame * capsule.a, frame * capsule.b});
     }
     return segments;

@@ -320,7 +320,7 @@ Surroundings::Nearest Surroundings::findNearest(const Eigen::Vector3d& p, double
 
 bool Surroundings::LeftOut::add(int obstacle) {
     if (count == static_cast<int>(obstacles.size())) return false;
-    obstacles[static_cast<std::size_t>(count++)] = obstacle;
+    obstacles[count++] = obstacle;
     return true;
 }
 

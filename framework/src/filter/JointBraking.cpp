@@ -160,7 +160,7 @@ const JointMatrix* JointBraking::findMetric(const Dynamics& dynamics) {
 void JointBraking::decide(const JointVector& jerk, FilterDecision& decision) const {
     decision.holdJerk(jerk);
     decision.hasStops = true;
-    for (int i = 0; i < n_; ++i) decision.stops[static_cast<std::size_t>(i)] = braking_.stop(i);
+    for (int i = 0; i < n_; ++i) decision.stops[i] = braking_.stop(i);
 }
 
 }  // namespace viable::detail

@@ -123,7 +123,7 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
-            JointIntervention& intervention = record.joints[static_cast<std::size_t>(joint)];
+            JointIntervention& intervention = record.joints[joint];
             intervention.limit = kind;
             intervention.side = side;
             return true;
@@ -258,17 +258,17 @@ std::vector<LogChannel> declareChannels() {
           text(
               "active", LogKind::JointName,
               [](const TickRecord& r, int i) {
-                  const JointIntervention& joint = r.joints[static_cast<std::size_t>(i)];
+                  const JointIntervention& joint = r.joints[i];
                   return getName(joint.limit, joint.side);
               },
               setLimit),
           perJoint("tau_removed_Nm", [](auto& r) -> decltype(auto) { return (r.removedTorque); }),
           numbers("margin_rad", LogKind::JointNumber, {},
-                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].margin); }),
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[i].margin); }),
           numbers("stop_s", LogKind::JointNumber, {},
-                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].duration_s); }),
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[i].duration_s); }),
           numbers("rest_rad", LogKind::JointNumber, {},
-                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].rest); })}},
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[i].rest); })}},
         {"limits", "Limits", always, declareLimits(), true},
         {"robust",
          "Robust",

@@ -78,17 +78,17 @@ public:
     @param inertia  of the joint, the others held [kg m^2, kg] */
     void take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill, const JointVector& inertia);
 
-    bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
+    bool isCut(int joint) const { return cutTicks_[joint] > 0; }
     /** Something was added to the joint's motor since reset(). */
-    bool hasAdded(int joint) const { return hasAdded_[index(joint)]; }
+    bool hasAdded(int joint) const { return hasAdded_[joint]; }
     /** In the tick before [Nm]. */
     double added(int joint) const { return last_[joint]; }
     /** The joint reads the same, and was pushed for some ticks by more than friction and d explain: it should have moved. */
-    bool isPressed(int joint) const { return pressedTicks_[index(joint)] >= heldTicks_; }
+    bool isPressed(int joint) const { return pressedTicks_[joint] >= heldTicks_; }
     /** How far the joint must have been pushed since its reading changed last, with what is beyond d, 0 and twice calcHold()
     [rad, m]: half of that may have held it against what lasted. */
     double impliedTravel(int joint) const { return impliedTravel_[joint]; }
-    bool isOpen(int joint) const { return isOpen_[index(joint)]; }
+    bool isOpen(int joint) const { return isOpen_[joint]; }
     /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
     without a step.
     @param isInVain  it was pushed and read the same: the momentum that this must have made is taken back */
@@ -103,7 +103,6 @@ public:
     double calcHold(int joint) const;
 
 private:
-    static std::size_t index(int joint) { return static_cast<std::size_t>(joint); }
     double calcFigure(int joint, double speed) const;
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);

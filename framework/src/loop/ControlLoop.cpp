@@ -75,7 +75,7 @@ bool areWithin(const JointBounds& bounds, const JointVector& values) {
 }
 
 const char* getJointName(const RobotDescription& robot, int joint) {
-    return robot.joints[static_cast<std::size_t>(joint)].name.c_str();
+    return robot.joints[joint].name.c_str();
 }
 
 }  // namespace
@@ -218,15 +218,14 @@ void ControlLoop::readExternalTorque() {
 
 /** Nothing is known of where the joint is from here on. */
 void ControlLoop::dropReading(int joint, bool isInVain) {
-    isPlausible_[static_cast<std::size_t>(joint)] = false;
+    isPlausible_[joint] = false;
     if (authority_.limits(joint)) authority_.open(joint, isInVain);
 }
 
 /** True if the reading of a joint that is beyond its bound stays exactly what it is while the nominal joint goes on: the sensor is
 stuck, or the joint blocked. It is not taken as plausible any more, or the robust loop would push in vain. */
 bool ControlLoop::replaceStillReading(int joint) {
-    const auto at = static_cast<std::size_t>(joint);
-    if (!options_.judgesReadings || !isPlausible_[at]) return false;
+    if (!options_.judgesReadings || !isPlausible_[joint]) return false;
     if (!(std::abs(sensors_.deviation()[joint]) > options_.bound->measured[joint])) return false;
     if (!(sensors_.findStillTravel(joint) > kJumpCounts * sensors_.count(joint))) return false;
     dropReading(joint, true);
@@ -237,8 +236,7 @@ bool ControlLoop::replaceStillReading(int joint) {
 
 /** The robust loop pushes it by what its readings say. */
 bool ControlLoop::isDriven(int joint) const {
-    return isLoopAsked_ && isPlausible_[static_cast<std::size_t>(joint)] && authority_.limits(joint) &&
-           authority_.hasAdded(joint);
+    return isLoopAsked_ && isPlausible_[joint] && authority_.limits(joint) && authority_.hasAdded(joint);
 }
 
 /** Its reading stopped at once. */
@@ -444,10 +442,9 @@ void ControlLoop::checkReading() {
     sensors_.miss(ticksSinceReading_ - 1);
     ticksSinceReading_ = 1;
     std::array<bool, kMaxJoints> isExplained{};
-    for (int i = 0; i < n_; ++i) isExplained[static_cast<std::size_t>(i)] = sensors_.isPlausible(i, real_, nominal());
+    for (int i = 0; i < n_; ++i) isExplained[i] = sensors_.isPlausible(i, real_, nominal());
     for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        if (judges && isPlausible_[at] && !isExplained[at]) {
+        if (judges && isPlausible_[i] && !isExplained[i]) {
             dropReading(i, false);
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
@@ -459,14 +456,14 @@ void ControlLoop::checkReading() {
             loop_.beginStop(StopReason::SensorFailed, message, kOnJump);
             holdIntegral();
         }
-        if (isPlausible_[at]) sensors_.take(i, real_, nominal());
+        if (isPlausible_[i]) sensors_.take(i, real_, nominal());
         seeJoint(i);
     }
 }
 
 /** What the robust loop sees of a joint: what the plant reports, or what stands for it. */
 void ControlLoop::seeJoint(int joint) {
-    if (!isPlausible_[static_cast<std::size_t>(joint)]) {
+    if (!isPlausible_[joint]) {
         sensors_.standIn(joint, nominal(), plausible_);
         return;
     }
@@ -501,22 +498,22 @@ void ControlLoop::predictOpenJoints() {
     std::array<int, kMaxJoints> open{};
     int count = 0;
     for (int i = 0; i < n_; ++i)
-        if (authority_.isOpen(i)) open[static_cast<std::size_t>(count++)] = i;
+        if (authority_.isOpen(i)) open[count++] = i;
     if (count == 0 || M.rows() != n_) return;
     JointMatrix own(count, count);
     JointVector pull(count);
     const JointVector error = plausible_.qd - nominal().qd;
     for (int a = 0; a < count; ++a) {
-        const int row = open[static_cast<std::size_t>(a)];
+        const int row = open[a];
         pull[a] = 0.0;
         for (int k = 0; k < n_; ++k)
             if (!authority_.isOpen(k)) pull[a] -= M(row, k) * error[k];
-        for (int b = 0; b < count; ++b) own(a, b) = M(row, open[static_cast<std::size_t>(b)]);
+        for (int b = 0; b < count; ++b) own(a, b) = M(row, open[b]);
     }
     Eigen::LLT<JointMatrix>(own).solveInPlace(pull);
     if (!pull.allFinite()) return;
     for (int a = 0; a < count; ++a) {
-        const int row = open[static_cast<std::size_t>(a)];
+        const int row = open[a];
         plausible_.qd[row] = nominal().qd[row] + pull[a];
     }
 }
@@ -582,7 +579,7 @@ void ControlLoop::limitRates(const JointVector& lastRobust, const JointVector& l
 /** Tells the authority what comes of its cut. */
 void ControlLoop::takeRobustTorque() {
     std::array<bool, kMaxJoints> isStill{};
-    for (int i = 0; i < n_; ++i) isStill[static_cast<std::size_t>(i)] = sensors_.isStill(i);
+    for (int i = 0; i < n_; ++i) isStill[i] = sensors_.isStill(i);
     const JointMatrix& M = nominalArm_.dynamics().M;
     if (M.rows() == n_) authority_.take(robustTorque_, isStill, M.diagonal());
 }

@@ -401,7 +401,7 @@ bool StopMonitor::atRest(const MotionState& nominal) const {
 
 void StopMonitor::describe(const Violation& violation, const RobotDescription& robot, char* text,
                            std::size_t size) const {
-    const char* const jointName = robot.joints[static_cast<std::size_t>(violation.joint)].name.c_str();
+    const char* const jointName = robot.joints[violation.joint].name.c_str();
     const char* const unit = getUnit(violation.limit, robot.slides(violation.joint));
     const char* side = getName(violation.side);
     const char* quantity = getName(violation.limit, LimitSide::Neither);

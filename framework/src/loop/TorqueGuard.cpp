@@ -418,7 +418,7 @@ void TorqueGuard::Inside::readMeasured(const JointState& measured, const JointVe
     if (far < 0) return;
     robustLoop.holdIntegral();
     if (ownReason == GuardStop::TooFar) return;
-    const JointDescription& joint = robot.joints[static_cast<std::size_t>(far)];
+    const JointDescription& joint = robot.joints[far];
     const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
     std::snprintf(
         message, sizeof message,

@@ -116,7 +116,7 @@ one that is longer than all the others together is a gap. */
 void CommandReceiver::learnPeriod(double interval_s) {
     if (intervalCount_ > 0 && isOtherSender(interval_s)) intervalCount_ = 0;
     if (intervalCount_ == 0) streak_ = 0;
-    intervals_[static_cast<std::size_t>(intervalCount_++ % kIntervals)] = interval_s;
+    intervals_[intervalCount_++ % kIntervals] = interval_s;
     const auto count = static_cast<std::size_t>(std::min<std::int64_t>(intervalCount_, kIntervals));
     std::array<double, kIntervals> sorted = intervals_;
     std::sort(sorted.data(), sorted.data() + count);

@@ -72,12 +72,11 @@ public:
         // Fixed joints as soon as their parent has its place, then the first moving one of the file that can.
         std::set<std::pair<bool, int>> ready;
         const auto addReady = [&](int link) {
-            for (const int j : tree_.links[static_cast<std::size_t>(link)].joints)
-                ready.emplace(tree_.joints[static_cast<std::size_t>(j)].isMoving, j);
+            for (const int j : tree_.links[link].joints) ready.emplace(tree_.joints[j].isMoving, j);
         };
         addReady(tree_.find.at(model_->getRoot()->name));
         while (!ready.empty()) {
-            const UrdfTree::Joint& joint = tree_.joints[static_cast<std::size_t>(ready.begin()->second)];
+            const UrdfTree::Joint& joint = tree_.joints[ready.begin()->second];
             ready.erase(ready.begin());
             add(*model_->getJoint(joint.name), document_.place(*joint.element), robot.links.at(joint.parent), robot);
             addReady(joint.childLink);
