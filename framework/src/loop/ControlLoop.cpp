@@ -5,7 +5,6 @@
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
-#include "loop/ToolTouch.h"
 
 namespace viable {
 
@@ -356,8 +355,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
             endRobustLoop(true);
         if (!following_.runsAway(plausible_, nominal())) return;
         if (drifts_) endRobustLoop(false);
-        releaseToRobot();
-        return;
+        return releaseToRobot();
     }
     if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
     const detail::FollowingWatch::Violation found = following_.update(
@@ -463,10 +461,7 @@ void ControlLoop::checkReading() {
 
 /** What the robust loop sees of a joint: what the plant reports, or what stands for it. */
 void ControlLoop::seeJoint(int joint) {
-    if (!isPlausible_[joint]) {
-        sensors_.standIn(joint, nominal(), plausible_);
-        return;
-    }
+    if (!isPlausible_[joint]) return sensors_.standIn(joint, nominal(), plausible_);
     plausible_.q[joint] = real_.q[joint];
     plausible_.qd[joint] = real_.qd[joint];
     if (!isSuspect(joint) || sensors_.stillTicks(joint) >= kStillTicks) return;
@@ -632,12 +627,11 @@ void ControlLoop::awaitPlant() {
     std::int64_t passed = 0;
     const TickStatus status =
         loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
-    if (status == TickStatus::Ok && passed >= 1) {
-        ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
-        ticksSinceReading_ = ticksToMiss_ + 1;
-        return;
-    }
-    loop_.end(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)", kOnGivingUp);
+    if (status != TickStatus::Ok || passed < 1)
+        return loop_.end(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)",
+                         kOnGivingUp);
+    ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
+    ticksSinceReading_ = ticksToMiss_ + 1;
 }
 
 void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
@@ -645,8 +639,7 @@ void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
     isRead_ = ticksToMiss_ > 0;  // the reading is for the tick after those
     if (ticksToMiss_ > 0) {
         --ticksToMiss_;
-        passTick(record, false, isRead);
-        return;
+        return passTick(record, false, isRead);
     }
     StageTimer timer(record);
     if (plugins_.realPlant) readPlant(isRead);

@@ -6,10 +6,6 @@
 
 namespace viable {
 
-namespace detail {
-class ToolTouch;
-}
-
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
 

@@ -1,6 +1,5 @@
 #include "loop/NominalArm.h"
 
-#include "loop/FreeArm.h"
 #include "viable/loop/NominalPlant.h"
 
 namespace viable {
@@ -55,8 +54,6 @@ NominalArm::NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopSt
     if (canWait) freeArm_ = std::make_unique<detail::FreeArm>(setup);
 }
 
-NominalArm::~NominalArm() = default;
-
 void NominalArm::reset(const MotionState& start) {
     state_ = start;
     limits_ = setup_.limits;
@@ -110,25 +107,20 @@ void NominalArm::readLimits(double t) {
         return TickStatus::Ok;
     });
     if (!limits) return;
-    if (fixesLimits_) {
-        loop_.beginStop(StopReason::CommandFailed,
-                        "it changed the limits, which hold_on: real has made tighter for the whole run",
-                        kOnFixedLimits);
-        return;
-    }
-    if (!areUsable(*limits, n_, setup_.tick_s)) {
-        loop_.beginStop(StopReason::CommandFailed,
-                        "the limits that it gave are not usable at this tick (size, sign, order or window)", kOnLimits);
-        return;
-    }
+    if (fixesLimits_)
+        return loop_.beginStop(StopReason::CommandFailed,
+                               "it changed the limits, which hold_on: real has made tighter for the whole run",
+                               kOnFixedLimits);
+    if (!areUsable(*limits, n_, setup_.tick_s))
+        return loop_.beginStop(StopReason::CommandFailed,
+                               "the limits that it gave are not usable at this tick (size, sign, order or window)",
+                               kOnLimits);
     const FilterStatus status = loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
         return plugins_.filter->changeLimits(*limits) ? FilterStatus::Passed : FilterStatus::Faulted;
     });
-    if (status == FilterStatus::Faulted) {
-        loop_.beginStop(StopReason::FilterFailed,
-                        "the command changed the limits, and it cannot change its own during a run", kOnLimits);
-        return;
-    }
+    if (status == FilterStatus::Faulted)
+        return loop_.beginStop(StopReason::FilterFailed,
+                               "the command changed the limits, and it cannot change its own during a run", kOnLimits);
     limits_ = *limits;
     hasNewLimits_ = true;
     if (freeArm_) freeArm_->changeLimits(limits_);
@@ -168,22 +160,6 @@ void NominalArm::tellSkippedTicks() {
     skippedTicks_ = 0;
 }
 
-void NominalArm::wait(const detail::ToolSurface& surface) {
-    freeArm_->wait(surface, state_, dynamics_);
-}
-
-bool NominalArm::waits() const {
-    return freeArm_ && freeArm_->isOn();
-}
-
-const Eigen::Vector3d& NominalArm::wantedTool() const {
-    return waits() ? freeArm_->tool() : dynamics_.tool.position;
-}
-
-void NominalArm::endWait() {
-    freeArm_->end();
-}
-
 /** The free arm has no controller in this tick. */
 void NominalArm::rest() {
     if (loop_.isStopping())
@@ -220,18 +196,16 @@ bool NominalArm::askFilter(const JointVector& external) {
                         : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
                         : !areKnown(status_, decision_, n_)     ? "its status or an acting limit is not a known value"
                                                                 : findFault(decision_, motion_, setup_.tick_s, n_);
+    if (!fault) return passMonitor();
     const bool gaveUp =
         status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended || status_ == FilterStatus::InvalidInput;
-    if (fault) {
-        // A filter that passes what it is asked for is not the one to blame for its size.
-        const bool isPassedOn = status_ == FilterStatus::Passed && isFinite(decision_.value, n_) && fault == kTooLarge;
-        if (isPassedOn)
-            loop_.beginStop(StopReason::ControllerFailed,
-                            "the torque that it asks for, which the filter passed on, is beyond 1e9", kOnDivergence);
-        else
-            loop_.beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
-    }
-    return !fault && passMonitor();
+    // A filter that passes what it is asked for is not the one to blame for its size.
+    if (status_ == FilterStatus::Passed && isFinite(decision_.value, n_) && fault == kTooLarge)
+        loop_.beginStop(StopReason::ControllerFailed,
+                        "the torque that it asks for, which the filter passed on, is beyond 1e9", kOnDivergence);
+    else
+        loop_.beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
+    return false;
 }
 
 /** False: the decision must not be applied. */
@@ -312,10 +286,7 @@ void NominalArm::missTick(bool reachesMotors, StageTimer& timer) {
 void NominalArm::fillRecord(TickRecord& record) const {
     record.time_s = loop_.time();
     record.command = command_;
-    record.nominal.q = state_.q;
-    record.nominal.qd = state_.qd;
-    record.nominal.qdd = state_.qdd;
-    record.nominal.jerk = motion_.jerk;
+    record.nominal = {state_.q, state_.qd, state_.qdd, motion_.jerk};
     record.tool = dynamics_.tool;
     record.desiredTorque = desiredTorque_;
     record.filterTorque = motion_.torque;

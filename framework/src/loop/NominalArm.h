@@ -1,16 +1,12 @@
 #pragma once
 
+#include "loop/FreeArm.h"
 #include "loop/LoopStatus.h"
 #include "loop/StageTimer.h"
 #include "loop/StopMonitor.h"
 #include "viable/robot/RobotModel.h"
 
 namespace viable {
-
-namespace detail {
-class FreeArm;
-struct ToolSurface;
-}  // namespace detail
 
 /** Torques [Nm] and accelerations [rad/s^2] beyond 1e9 are no arm's: a few ticks later the arithmetic would overflow. */
 bool isBounded(const JointVector& v, int n);
@@ -24,7 +20,6 @@ A plugin that throws, or goes on giving nothing of use, is a reason to stop (Loo
 Real time: no allocation, lock or throw after reset(). */
 class NominalArm {
 public:
-    ~NominalArm();
     /** All must outlive it. @param fixesLimits  a command that changes the limits is answered with a stop
     @param canWait  wait() may be called */
     NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits, bool canWait);
@@ -33,11 +28,11 @@ public:
     void reset(const MotionState& start);
 
     /** From now on it waits where the real tool is held, at `surface`; each tick anew, as long as waits() (see FreeArm). */
-    void wait(const detail::ToolSurface& surface);
-    bool waits() const;
-    void endWait();
+    void wait(const detail::ToolSurface& surface) { freeArm_->wait(surface, state_, dynamics_); }
+    bool waits() const { return freeArm_ && freeArm_->isOn(); }
+    void endWait() { freeArm_->end(); }
     /** Where the command leads the tool to: the waiting arm is not there [m]. */
-    const Eigen::Vector3d& wantedTool() const;
+    const Eigen::Vector3d& wantedTool() const { return waits() ? freeArm_->tool() : dynamics_.tool.position; }
 
     /** Decides how the arm moves in this tick. @param external  torque that acts on it, too [Nm]; of size 0: none */
     void decide(const JointVector& external, StageTimer& timer);
