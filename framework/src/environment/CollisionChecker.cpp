@@ -112,10 +112,6 @@ double calcSegmentDistance(const Segment& first, const Segment& second) {
     return least;
 }
 
-Eigen::AlignedBox3d boxAround(const Segment& segment) {
-    return {segment.a.cwiseMin(segment.b), segment.a.cwiseMax(segment.b)};
-}
-
 }  // namespace
 
 struct CollisionChecker::Scene {
@@ -223,7 +219,7 @@ double CollisionChecker::Scene::calcSolidDistance(std::size_t index, const Segme
 
 double CollisionChecker::Scene::calcMapDistance(const Segment& segment, double cutoff) const {
     const Segment local{toMap * segment.a, toMap * segment.b};
-    const Eigen::AlignedBox3d box = boxAround(local);
+    const Eigen::AlignedBox3d box(local.a.cwiseMin(local.b), local.a.cwiseMax(local.b));
     double best = cutoff;
     const auto look = [&](const OccupancyMap::Cell& cell) {
         const Segment fromCell{local.a - cell.centre, local.b - cell.centre};
@@ -263,11 +259,9 @@ CollisionChecker::Contact CollisionChecker::findContact(const JointVector& q, do
     const std::vector<LinkCapsule>& capsules = scene.geometry.capsules;
 
     for (const auto& [i, j] : scene.geometry.pairs) {
-        const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
-        const double distance =
-            calcSegmentDistance(segments[first], segments[second]) - capsules[first].radius - capsules[second].radius;
+        const double distance = calcSegmentDistance(segments[i], segments[j]) - capsules[i].radius - capsules[j].radius;
         if (!(distance >= contact.distance))  // what is NaN is no clearance
-            contact = {distance, capsules[first].link, -1, capsules[second].link};
+            contact = {distance, capsules[i].link, -1, capsules[j].link};
     }
     std::vector<Eigen::Vector3d> centres;
     for (const MovingSphere& sphere : scene.environment.spheres) centres.push_back(sphere.calcCentre(t));

@@ -123,9 +123,7 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
-            JointIntervention& intervention = record.joints[joint];
-            intervention.limit = kind;
-            intervention.side = side;
+            record.joints[joint] = {kind, side};
             return true;
         }
     }

@@ -1,7 +1,5 @@
 #include "loop/Authority.h"
 
-#include <algorithm>
-
 #include "core/Text.h"
 #include "tracking/InertiaSample.h"
 
@@ -83,24 +81,6 @@ void Authority::widen(const JointLimits& limits) {
     if (n_ == 0) return;
     fastest_.lower = fastest_.lower.cwiseMin(limits.velocity.lower);
     fastest_.upper = fastest_.upper.cwiseMax(limits.velocity.upper);
-}
-
-/** By the robot's description [Nm]; `speed` >= 0. */
-double Authority::calcFigure(int joint, double speed) const {
-    return figures_.coulomb[joint] + figures_.calcViscous(joint, speed);
-}
-
-double Authority::calcRest(int joint) const {
-    return sizes_.reach[joint] + calcFriction(joint, 0.0);
-}
-
-double Authority::calcHold(int joint) const {
-    return sizes_.friction > 0.0 ? kFrictionFactor * figures_.coulomb[joint] : kPressing * sizes_.reach[joint];
-}
-
-/** Of what lasted, what may be added beside `reach` [Nm]. */
-double Authority::calcLasting(int joint) const {
-    return std::clamp(lasting_[joint], -sizes_.lasting[joint], sizes_.lasting[joint]);
 }
 
 void Authority::update(const MotionState& nominal, JointState& real) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "tracking/TrackingBound.h"
@@ -95,18 +96,26 @@ public:
     void open(int joint, bool isInVain);
 
     /** Most that may be added to a joint that stands still while nothing lasts [Nm]. */
-    double calcRest(int joint) const;
+    double calcRest(int joint) const { return sizes_.reach[joint] + calcFriction(joint, 0.0); }
     /** And after a push that grew so slowly that it was taken for what lasts [Nm]. */
     double calcMost(int joint) const { return calcRest(joint) + sizes_.lasting[joint]; }
     /** What a joint that stands may take without moving, as far as is known: twice the figure of its dry friction, 0 without
     one; with a bound kPressing of the reach [Nm]. */
-    double calcHold(int joint) const;
+    double calcHold(int joint) const {
+        return sizes_.friction > 0.0 ? kFrictionFactor * figures_.coulomb[joint] : kPressing * sizes_.reach[joint];
+    }
 
 private:
-    double calcFigure(int joint, double speed) const;
+    /** By the robot's description [Nm]; `speed` >= 0. */
+    double calcFigure(int joint, double speed) const {
+        return figures_.coulomb[joint] + figures_.calcViscous(joint, speed);
+    }
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);
-    double calcLasting(int joint) const;
+    /** Of what lasted, what may be added beside `reach` [Nm]. */
+    double calcLasting(int joint) const {
+        return std::clamp(lasting_[joint], -sizes_.lasting[joint], sizes_.lasting[joint]);
+    }
 
     int n_ = 0, heldTicks_ = 0, wayTicks_ = 1;
     double tick_s_ = 0.0;

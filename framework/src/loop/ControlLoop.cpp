@@ -238,11 +238,6 @@ bool ControlLoop::isDriven(int joint) const {
     return isLoopAsked_ && isPlausible_[joint] && authority_.limits(joint) && authority_.hasAdded(joint);
 }
 
-/** Its reading stopped at once. */
-bool ControlLoop::isSuspect(int joint) const {
-    return !options_.bound && isDriven(joint) && sensors_.isSuspect(joint);
-}
-
 /** Lets the nominal arm wait where the real tool is held, and the robust loop see no more of it than it shall. */
 void ControlLoop::feelTouch() {
     const JointVector* torque = findExternalTorque();
@@ -416,11 +411,6 @@ void ControlLoop::watchNominal() {
                      !areWithin(limits.acceleration, nominal().qdd) ||
                      !areWithin(limits.jerk, nominalArm_.motion().jerk);  // none before the first tick
     leftLimits_s_ = time();
-}
-
-/** A robot that does not take torques for what they are goes on though it is told to brake: its own stop is better. */
-void ControlLoop::releaseToRobot() {
-    if (hasClock_) loop_.end();
 }
 
 void ControlLoop::holdIntegral() {
@@ -652,10 +642,6 @@ void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
         following_.widen(nominalArm_.limits());
     }
     finishTick(record, timer, true);
-}
-
-void ControlLoop::missTick(TickRecord& record, bool isRead) noexcept {
-    passTick(record, true, isRead);
 }
 
 /** A tick without command, controller and filter. @param hasPlant  the plant is still to be read and driven in it */

@@ -1,7 +1,5 @@
 #include "loop/FollowingWatch.h"
 
-#include <algorithm>
-
 namespace viable::detail {
 
 namespace {
@@ -60,14 +58,6 @@ bool FollowingWatch::runsAway(const JointState& real, const MotionState& nominal
     for (int i = 0; i < n_; ++i)
         if (!(std::abs(real.q[i] - nominal.q[i]) <= kRunaway * allowedError_[i])) return true;
     return false;
-}
-
-double FollowingWatch::halfPeriod() const {
-    return std::max(kHalfPeriod_s, kHalfPeriodTicks * (1.0 + delayTicks_) * tick_s_);
-}
-
-bool FollowingWatch::isLate(std::int64_t since) const {
-    return static_cast<double>(tick_ - since) * tick_s_ > halfPeriod();
 }
 
 /** True once the joint has swung often enough. */

@@ -1,7 +1,5 @@
 #include "loop/NominalArm.h"
 
-#include "viable/loop/NominalPlant.h"
-
 namespace viable {
 
 namespace {
@@ -83,10 +81,6 @@ void NominalArm::reset(const MotionState& start) {
     monitor_.reset(state_, limits_, setup_.tick_s, guarantees_, traits.recovers);
 }
 
-double NominalArm::commandTime() const {
-    return static_cast<double>(loop_.tick() - pausedTicks_) * setup_.tick_s;
-}
-
 void NominalArm::readCommand(double t) {
     const TickStatus status = loop_.contain(PluginKind::CommandSource, TickStatus::Faulted,
                                             [&] { return plugins_.command->sample(t, newCommand_); });
@@ -162,10 +156,7 @@ void NominalArm::tellSkippedTicks() {
 
 /** The free arm has no controller in this tick. */
 void NominalArm::rest() {
-    if (loop_.isStopping())
-        freeArm_->end();
-    else
-        freeArm_->pause();
+    loop_.isStopping() ? freeArm_->end() : freeArm_->pause();
 }
 
 /** The controller has moved the free arm; the torque that is asked for is that of following it. */
@@ -301,10 +292,6 @@ void NominalArm::fillRecord(TickRecord& record) const {
     record.braking = loop_.isStopping();
     record.paused = isPaused_;
     record.substituted = substituted_;
-}
-
-void NominalArm::advance() {
-    advanceNominal(decision_, setup_.tick_s, state_);
 }
 
 }  // namespace viable

@@ -4,7 +4,7 @@
 #include "loop/LoopStatus.h"
 #include "loop/StageTimer.h"
 #include "loop/StopMonitor.h"
-#include "viable/robot/RobotModel.h"
+#include "viable/loop/NominalPlant.h"
 
 namespace viable {
 
@@ -42,7 +42,7 @@ public:
     /** Writes what was decided; `record` becomes complete but for the real arm. */
     void fillRecord(TickRecord& record) const;
     /** To the end of the tick. */
-    void advance();
+    void advance() { advanceNominal(decision_, setup_.tick_s, state_); }
 
     void pause() { isPaused_ = true; }
     void resume() { isPaused_ = false; }
@@ -51,7 +51,7 @@ public:
     /** A stop has come to its end. */
     bool hasStopped() const { return stopBegun_ && monitor_.atRest(state_); }
     /** What the command is asked for next: the loop's time less the pauses [s]. */
-    double commandTime() const;
+    double commandTime() const { return static_cast<double>(loop_.tick() - pausedTicks_) * setup_.tick_s; }
 
     const MotionState& state() const { return state_; }     ///< before advance(): at the tick's beginning
     const Dynamics& dynamics() const { return dynamics_; }  ///< of the last tick that decided

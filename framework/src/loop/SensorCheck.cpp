@@ -1,7 +1,5 @@
 #include "loop/SensorCheck.h"
 
-#include <algorithm>
-
 namespace viable {
 
 JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound,
