@@ -327,34 +327,11 @@ LimitReport ArmStopCheck::getNearest(int e) const {
     return report;
 }
 
-/** The nearest first, should there be no room for all.
-@param calcRoom  of an element [m]; infinite: it is left out */
-template <class Room, class Use>
-void ArmStopCheck::forNearest(const Room& calcRoom, const Use& use) const {
-    double above = -kInfinity;
-    std::size_t last = elements_.size();
-    for (int k = 0; k < kMostClearanceRows; ++k) {
-        std::size_t next = elements_.size();
-        double least = kInfinity;
-        for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double room = calcRoom(e);
-            const bool isLeft =
-                room > above || (room == above && e > last);  // those that lost the distance have the same
-            if (!(isLeft && room < least)) continue;
-            least = room;
-            next = e;
-        }
-        if (next == elements_.size()) return;
-        above = least;
-        last = next;
-        use(next);
-    }
-}
-
 void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
                            const Demands& demands, RowQp::Rows& rows) {
     const StopPair stops{*path_, jerk, other, otherJerk};
-    forNearest(
+    forLeast(
+        elements_.size(), kMostClearanceRows,
         [&](std::size_t e) {
             const double room = places_[e].distance - demands.ahead[e];
             return room < 0.0 ? room : kInfinity;
@@ -376,7 +353,8 @@ void ArmStopCheck::addMotionRows(const StopPair& stops, const Demands& demands, 
 bool ArmStopCheck::addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
                                    RowQp::Rows& rows) {
     bool isAnyBroken = false;
-    forNearest(
+    forLeast(
+        elements_.size(), kMostClearanceRows,
         [&](std::size_t e) {
             const Near& near = found.near[e];
             const bool isAhead = near.place.isSeen() && near.time_s > since_s && near.place.distance < demands.far[e];

@@ -14,21 +14,13 @@ constexpr double kFarFromPeople_m = 0.3;
 /** How much later a joint rests with the tick's jerk, in ticks over the jerk of its stop: between these. */
 constexpr double kLeastLater = 1.0, kMostLater = 8.0;
 
-std::vector<LinkCapsule> listMoved(const ArmGeometry* geometry, int people) {
-    std::vector<LinkCapsule> capsules;
-    if (geometry && people > 0)
-        for (const LinkCapsule& capsule : geometry->capsules)
-            if (capsule.carrier >= 0) capsules.push_back(capsule);
-    return capsules;
-}
-
 }  // namespace
 
 PeopleCheck::PeopleCheck(const RobotDescription& robot, const ArmGeometry* geometry, int people, double tick_s)
     : n_(robot.size()),
       people_(people),
       tick_s_(tick_s),
-      speeds_(robot, listMoved(geometry, people)),
+      speeds_(robot, geometry && people > 0 ? listMoved(*geometry) : std::vector<LinkCapsule>()),
       parts_(speeds_.size()),
       growth_(static_cast<std::size_t>(people)),
       speed_(static_cast<std::size_t>(people)) {
@@ -132,21 +124,15 @@ bool PeopleCheck::prove(const Look& from, const Look& to, int depth, const std::
         const double way = std::min(levers, chord + h * h / 4.0 * part.bend);
         const double reach = calcReach(pair.person, std::min(to.time_s, part.rest_s));
         const double bound = (from.distances[at] + to.distances[at] - way) / 2.0 - reach;
-        if (bound > 0.0 && (bound >= demand_.ahead || bound >= pair.least / 2.0 || isLast)) {
-            settle(pair, bound);
-            continue;
-        }
+        const bool isFar = bound > 0.0 && (bound >= demand_.ahead || bound >= pair.least / 2.0);
         // A path that is too near is not looked at to the last: where it is nearest is known well enough.
-        if (!result_->isKept && bound >= result_->seen - kGuard_m) {
-            settle(pair, bound);
+        const bool isTold = !result_->isKept && bound >= result_->seen - kGuard_m;
+        if (!isFar && !isTold && !isLast) {
+            left.push_back(index);
             continue;
         }
-        if (isLast) {
-            if (!(bound > 0.0)) result_->isKept = false;
-            settle(pair, bound);
-            continue;
-        }
-        left.push_back(index);
+        if (!(bound > 0.0)) result_->isKept = false;
+        settle(pair, bound);
     }
     if (!result_->isKept && mustBeGood_) return false;
     if (left.empty()) return true;
@@ -218,23 +204,15 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
 
 void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Rows& rows) {
     if (!isAny() || !watch_) return;
-    double above = -kInfinity;
-    int before = -1;
-    for (int count = 0; count < kMostRows; ++count) {
-        int next = -1;
-        for (const int index : inQuestion_) {
-            const Pair& pair = pairs_[index];
-            const bool isLeft = pair.least > above || (pair.least == above && index > before);
-            if (isLeft && pair.least < demand.ahead && (next < 0 || pair.least < pairs_[next].least)) next = index;
-        }
-        if (next < 0) return;
-        const Pair& pair = pairs_[next];
-        above = pair.least;
-        before = next;
-        const auto k = static_cast<std::size_t>(pair.capsule);
+    const auto calcKey = [&](std::size_t at) {
+        const double least = pairs_[inQuestion_[at]].least;
+        return least < demand.ahead ? least : kInfinity;
+    };
+    forLeast(inQuestion_.size(), kMostRows, calcKey, [&](std::size_t at) {
+        const Pair& pair = pairs_[inQuestion_[at]];
         const PeopleWatch::Known& known = watch_->known()[pair.person];
         speeds_.sample(stops.path, pair.time_s);
-        const CapsuleMotion::Segment& segment = speeds_.pose().segments[k];
+        const CapsuleMotion::Segment& segment = speeds_.pose().segments[pair.capsule];
         ElementDistance::Place place;
         for (int j = 0; j < known.count; ++j) {
             const PeopleWatch::Body& body = known.bodies[j];
@@ -250,7 +228,7 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
         calcDistanceGradient(place, {pair.capsule, -1}, speeds_.capsules(), speeds_.arm(), speeds_.pose().frames, row_);
         multiplyPlaceSlopes(stops, pair.time_s, tick_s_, row_);
         // Where it is met last, it is met later by what the last of its joints rests later.
-        if (const int last = parts_[k].lastJoint; last >= 0 && pair.time_s >= pair.lastFast_s) {
+        if (const int last = parts_[pair.capsule].lastJoint; last >= 0 && pair.time_s >= pair.lastFast_s) {
             const double unit = tick_s_ / std::max(extremes_.jerk[last], 1e-9);
             const double change = stops.jerk[last] - stops.otherJerk[last];
             const double later = (stops.path.calcRestTime(last) - stops.other.calcRestTime(last)) / std::abs(change);
@@ -261,10 +239,8 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
             const double way = stops.path.calcPosition(last, pair.time_s) - stops.path.calcPosition(last, 0.0);
             row_[last] -= std::copysign(known.speed * size, way);
         }
-        const double length = row_.norm();
-        const double bound = demand.ahead - pair.least + row_.dot(stops.jerk);
-        if (length > 0.0) rows.add(row_ / length, bound / length);
-    }
+        addRow(row_, demand.ahead - pair.least + row_.dot(stops.jerk), rows);
+    });
 }
 
 }  // namespace viable::detail
