@@ -135,16 +135,9 @@ FilterStatus JointBraking::findDesired(const FilterInput& input) {
 }
 
 const JointMatrix* JointBraking::findMetric(const Dynamics& dynamics) {
-    switch (objective_) {
-        case Objective::Torque:
-            return &dynamics.M;
-        case Objective::Joint:
-            return &metric_;
-        case Objective::Path:
-            return nullptr;
-        case Objective::Tool:
-            break;
-    }
+    if (objective_ == Objective::Torque) return &dynamics.M;
+    if (objective_ == Objective::Joint) return &metric_;
+    if (objective_ == Objective::Path) return nullptr;
     // The triangular factor of W'W, W = [S J; share of M].
     ToolJacobian weighted = dynamics.J;
     weighted.bottomRows<3>() *= leverArm_m_;

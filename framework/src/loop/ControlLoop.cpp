@@ -179,7 +179,7 @@ void ControlLoop::readPlant(bool isRead) {
 }
 
 void ControlLoop::readState() {
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, [&] {
         const JointState& measured = plugins_.realPlant->measured();
         const JointState& actual = plugins_.realPlant->actual();
         if (!isFinite(measured, n_) || !isFinite(actual, n_)) return TickStatus::Faulted;
@@ -195,7 +195,7 @@ void ControlLoop::readState() {
 /** Null: it is unusable in this tick. Where that lasts the arm is stopped. */
 const JointVector* ControlLoop::findExternalTorque() {
     const JointVector* torque = nullptr;
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, [&] {
         torque = plugins_.realPlant->externalTorque();
         return torque && isBounded(*torque, n_) ? TickStatus::Ok : TickStatus::Faulted;
     });
@@ -416,10 +416,7 @@ void ControlLoop::watchNominal() {
 void ControlLoop::holdIntegral() {
     if (isIntegralHeld_) return;
     isIntegralHeld_ = true;
-    loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
-        plugins_.robustLoop->holdIntegral();
-        return TickStatus::Ok;
-    });
+    loop_.contain(PluginKind::RobustLoop, [&] { plugins_.robustLoop->holdIntegral(); });
 }
 
 /** A joint's reading that no motion explains is not taken as plausible, nor is any after it; the other joints keep theirs. */
@@ -510,7 +507,7 @@ bool ControlLoop::askRobustLoop() {
     const JointVector lastRobust = robustTorque_;
     const bool hadPush = ownTorque_.size() == n_;
     if (hadPush) robustTorque_ = ownTorque_;
-    const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::RobustLoop, [&] {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
@@ -572,8 +569,8 @@ void ControlLoop::takeRobustTorque() {
 void ControlLoop::drivePlant() {
     motorTorque_ += robustTorque_;
     hasDriven_ = true;
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted,
-                                            [&] { return plugins_.realPlant->advance(motorTorque_, appliedTorque_); });
+    const TickStatus status =
+        loop_.contain(PluginKind::RealPlant, [&] { return plugins_.realPlant->advance(motorTorque_, appliedTorque_); });
     if (status == TickStatus::Ok && isFinite(appliedTorque_, n_)) return;
     loop_.end(StopReason::PlantFailed, "it could not advance (its state would not be finite)", kOnGivingUp);
     appliedTorque_.setZero(n_);
@@ -615,8 +612,7 @@ void ControlLoop::finishTick(TickRecord& record, StageTimer& timer, bool drives)
 /** Of a plant with a clock: what its ticks say, and how many of them were missed. */
 void ControlLoop::awaitPlant() {
     std::int64_t passed = 0;
-    const TickStatus status =
-        loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, [&] { return plugins_.realPlant->read(passed); });
     if (status != TickStatus::Ok || passed < 1)
         return loop_.end(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)",
                          kOnGivingUp);

@@ -82,8 +82,8 @@ void NominalArm::reset(const MotionState& start) {
 }
 
 void NominalArm::readCommand(double t) {
-    const TickStatus status = loop_.contain(PluginKind::CommandSource, TickStatus::Faulted,
-                                            [&] { return plugins_.command->sample(t, newCommand_); });
+    const TickStatus status =
+        loop_.contain(PluginKind::CommandSource, [&] { return plugins_.command->sample(t, newCommand_); });
     if (status == TickStatus::Ok && newCommand_.space == command_.space && isUsable(newCommand_, n_)) {
         command_ = newCommand_;
         missingCommands_ = 0;
@@ -96,10 +96,7 @@ void NominalArm::readCommand(double t) {
 
 void NominalArm::readLimits(double t) {
     const JointLimits* limits = nullptr;
-    loop_.contain(PluginKind::CommandSource, TickStatus::Faulted, [&] {
-        limits = plugins_.command->sampleLimits(t);
-        return TickStatus::Ok;
-    });
+    loop_.contain(PluginKind::CommandSource, [&] { limits = plugins_.command->sampleLimits(t); });
     if (!limits) return;
     if (fixesLimits_)
         return loop_.beginStop(StopReason::CommandFailed,
@@ -109,7 +106,7 @@ void NominalArm::readLimits(double t) {
         return loop_.beginStop(StopReason::CommandFailed,
                                "the limits that it gave are not usable at this tick (size, sign, order or window)",
                                kOnLimits);
-    const FilterStatus status = loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
+    const FilterStatus status = loop_.contain(PluginKind::SafetyFilter, [&] {
         return plugins_.filter->changeLimits(*limits) ? FilterStatus::Passed : FilterStatus::Faulted;
     });
     if (status == FilterStatus::Faulted)
@@ -126,7 +123,7 @@ void NominalArm::readTorque(std::int64_t missed) {
     const MotionCommand& command = plugins_.stream ? received_ : command_;
     const MotionState& led = waits() ? freeArm_->state() : state_;
     const Dynamics& dynamics = waits() ? freeArm_->updateDynamics() : dynamics_;
-    const TickStatus status = loop_.contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::NominalController, [&] {
         return plugins_.controller->compute({command, led, dynamics, {loop_.time(), missed}}, output_);
     });
     if (status == TickStatus::Ok && isFinite(output_.torque, n_) &&
@@ -147,10 +144,7 @@ void NominalArm::readTorque(std::int64_t missed) {
 
 void NominalArm::tellSkippedTicks() {
     if (skippedTicks_ == 0) return;
-    loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
-        plugins_.filter->skipTicks(skippedTicks_);
-        return FilterStatus::Passed;
-    });
+    loop_.contain(PluginKind::SafetyFilter, [&] { plugins_.filter->skipTicks(skippedTicks_); });
     skippedTicks_ = 0;
 }
 
@@ -175,8 +169,7 @@ bool NominalArm::askFilter(const JointVector& external) {
     // How a push changes nobody knows: its own rate counts as zero.
     const JointVector* rate = output_.hasAccelerationRate ? &output_.accelerationRate : nullptr;
     const FilterInput input{state_, wantedTorque_, dynamics_, rate};
-    status_ = loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted,
-                            [&] { return plugins_.filter->filter(input, decision_); });
+    status_ = loop_.contain(PluginKind::SafetyFilter, [&] { return plugins_.filter->filter(input, decision_); });
     if (status_ == FilterStatus::Ended && !guarantees_) {
         loop_.beginStop(StopReason::FilterEnded, "it had no admissible choice and does not continue");
         return false;

@@ -170,10 +170,7 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
         return;
     }
     findNextVelocity(before, lasted_s);
-    if (period_s_ > kLongestPeriod_s) {
-        stop(goal_);
-        return;
-    }
+    if (period_s_ > kLongestPeriod_s) return stop(goal_);
     meets_s_ = std::max(sent_s_ + period_s_, t + kShortestBlend * period_s_);
     stands_s_ = std::max(meets_s_, sent_s_ + kOverdue * period_s_);
     updateWay(now);

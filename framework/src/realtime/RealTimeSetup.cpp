@@ -126,10 +126,7 @@ std::string forLatencyFile(bool isContainer, int code) {
 }
 
 std::string makeForRoot(const std::string& remedy) {
-    constexpr char kSudo[] = "sudo ";
-    std::string text = remedy;
-    for (std::size_t at; (at = text.find(kSudo)) != std::string::npos;) text.erase(at, sizeof kSudo - 1);
-    return text;
+    return detail::replaceAll(remedy, "sudo ", "");
 }
 
 }  // namespace remedy

@@ -287,19 +287,14 @@ std::string UrdfDocument::place(const XmlElement& element) const {
 
 UrdfTree::UrdfTree(UrdfDocument& document) {
     for (XmlElement* element : document.list("link")) {
-        Link link;
-        link.element = element;
-        link.name = getAttribute(element, "name");
-        if (link.name.empty() || !find.emplace(link.name, static_cast<int>(links.size())).second) continue;
-        links.push_back(std::move(link));
+        const std::string name = getAttribute(element, "name");
+        if (name.empty() || !find.emplace(name, static_cast<int>(links.size())).second) continue;
+        links.push_back({element, name, -1, {}});
     }
     for (XmlElement* element : document.list("joint")) {
-        Joint joint;
-        joint.element = element;
-        joint.name = getAttribute(element, "name");
-        joint.type = getAttribute(element, "type");
-        joint.parent = getAttribute(element->FirstChildElement("parent"), "link");
-        joint.child = getAttribute(element->FirstChildElement("child"), "link");
+        Joint joint{element, getAttribute(element, "name"), getAttribute(element, "type"),
+                    getAttribute(element->FirstChildElement("parent"), "link"),
+                    getAttribute(element->FirstChildElement("child"), "link")};
         joint.isMoving = joint.type != "fixed";
         if (joint.name.empty()) continue;
         const int index = static_cast<int>(joints.size());

@@ -115,11 +115,11 @@ private:
 
     void add(const urdf::Joint& joint, const std::string& place, const UrdfRobot::LinkPlace& parent, UrdfRobot& robot) {
         const Eigen::Isometry3d placement = parent.placement * toEigen(joint.parent_to_joint_origin_transform);
-        if (joint.type == urdf::Joint::FIXED) {
-            robot.links[joint.child_link_name] = {parent.carrier, placement};
-            return;
-        }
+        const bool isFixed = joint.type == urdf::Joint::FIXED;
         const int index = static_cast<int>(robot.joints.size());
+        robot.links[joint.child_link_name] = {isFixed ? parent.carrier : index,
+                                              isFixed ? placement : Eigen::Isometry3d::Identity()};
+        if (isFixed) return;
         JointDescription description;
         description.name = joint.name;
         description.childLink = joint.child_link_name;
@@ -141,7 +141,6 @@ private:
         robot.joints.push_back(description);
         robot.jointPlaces.push_back(place);
         robot.parentLinks.push_back(joint.parent_link_name);
-        robot.links[joint.child_link_name] = {index, Eigen::Isometry3d::Identity()};
     }
 
     void addBodies(UrdfRobot& robot) const {
@@ -175,11 +174,7 @@ private:
 
     /** The link's visual and collision elements. What has no sensible size is left out. */
     static void addShapes(const urdf::Link& link, const UrdfRobot::LinkPlace& place, UrdfRobot& robot) {
-        LinkShapes visual;
-        visual.link = link.name;
-        visual.carrier = place.carrier;
-        visual.placement = place.placement;
-        LinkShapes collision = visual;
+        LinkShapes visual{link.name, place.carrier, place.placement, {}, {}}, collision = visual;
         const auto add = [](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin, LinkShapes& to) {
             LinkShape shape;
             if (geometry && readShape(*geometry, shape)) {
