@@ -31,7 +31,7 @@ void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::
         }
         ticks_ = std::max(ticks_, tick);
         state.v = state.a = 0.0;  // up to rounding they are
-        append(0, 0.0);  // rest
+        append(0, 0.0);           // rest
     }
     duration_ = static_cast<double>(ticks_) * tick_s;
 }
