@@ -72,7 +72,7 @@ const std::vector<ArmClearances::Item>& ArmClearances::find(const JointVector& q
             in.distance.calc(element, in.pose, rough.ofMiddle, 0, place, unlimited);
             if (!in.add(element, place, within_m, true)) break;
             const int count = in.distance.calcEnds(element, in.pose, place, in.ends);
-            for (int k = 0; k < count; ++k) in.add(element, in.ends[static_cast<std::size_t>(k)], within_m, false);
+            for (int k = 0; k < count; ++k) in.add(element, in.ends[k], within_m, false);
             if (element.isPair() || !in.distance.leftOut().add(place.obstacle)) break;
         }
     }

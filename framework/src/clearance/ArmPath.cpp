@@ -11,19 +11,14 @@ void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::
     tick_s_ = tick_s;
     ticks_ = 1;
     for (int i = 0; i < n_; ++i) {
-        Joint& joint = joints_[static_cast<std::size_t>(i)];
+        Joint& joint = joints_[i];
         AxisState state{start.q[i], start.qd[i], start.qdd[i]};
         std::int64_t tick = 0;
         double travel = 0.0;
-        joint.pieces = 0;
+        joint.count = 0;
         const auto append = [&](std::int64_t ticks, double held) {
-            const auto k = static_cast<std::size_t>(joint.pieces++);
+            joint.pieces[joint.count++] = {static_cast<double>(tick) * tick_s, held, travel, tick, state};
             const double t = static_cast<double>(ticks) * tick_s;
-            joint.begin_s[k] = static_cast<double>(tick) * tick_s;
-            joint.beginTick[k] = tick;
-            joint.jerk[k] = held;
-            joint.state[k] = state;
-            joint.travel[k] = travel;
             const AxisState end = advance(state, held, t);
             travel += calcPieceTravel(state, held, t, end);
             state = end;
@@ -31,70 +26,53 @@ void ArmPath::set(const MotionState& start, const JointVector& jerk, const std::
         };
         append(1, jerk[i]);
         for (int k = 0; k < GridStop::kSegments; ++k) {
-            const GridStop::Segment segment = stops[static_cast<std::size_t>(i)].remaining(k);
+            const GridStop::Segment segment = stops[i].remaining(k);
             if (segment.ticks > 0) append(segment.ticks, segment.jerk);
         }
         ticks_ = std::max(ticks_, tick);
         state.v = state.a = 0.0;  // up to rounding they are
-        const auto last = static_cast<std::size_t>(joint.pieces++);
-        joint.begin_s[last] = static_cast<double>(tick) * tick_s;
-        joint.beginTick[last] = tick;
-        joint.jerk[last] = 0.0;
-        joint.state[last] = state;
-        joint.travel[last] = travel;
+        append(0, 0.0);           // rest
     }
     duration_ = static_cast<double>(ticks_) * tick_s;
 }
 
-int ArmPath::Joint::find(double t) const {
-    int k = pieces - 1;
-    while (k > 0 && begin_s[static_cast<std::size_t>(k)] > t) --k;
-    return k;
+const ArmPath::Piece& ArmPath::Joint::find(double t) const {
+    int k = count - 1;
+    while (k > 0 && pieces[k].begin_s > t) --k;
+    return pieces[k];
 }
 
 int ArmPath::Joint::findTick(std::int64_t tick) const {
-    int k = pieces - 1;
-    while (k > 0 && beginTick[static_cast<std::size_t>(k)] > tick) --k;
+    int k = count - 1;
+    while (k > 0 && pieces[k].beginTick > tick) --k;
     return k;
 }
 
 double ArmPath::calcRestTime(int i) const {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
-    const bool stays = joint.pieces == 2 && joint.state[0].v == 0.0 && joint.state[0].a == 0.0 && joint.jerk[0] == 0.0;
-    return stays ? 0.0 : joint.begin_s[static_cast<std::size_t>(joint.pieces - 1)];
+    const Joint& joint = joints_[i];
+    const Piece& first = joint.pieces[0];
+    const bool stays = joint.count == 2 && first.state.v == 0.0 && first.state.a == 0.0 && first.jerk == 0.0;
+    return stays ? 0.0 : joint.pieces[joint.count - 1].begin_s;
 }
 
-double ArmPath::calcPosition(int i, double t) const {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
-    const auto k = static_cast<std::size_t>(joint.find(t));
-    return advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]).p;
+AxisState ArmPath::calcState(int i, double t) const {
+    const Piece& piece = joints_[i].find(t);
+    return advance(piece.state, piece.jerk, t - piece.begin_s);
 }
 
 void ArmPath::calcPositions(double t, JointVector& q) const {
     q.resize(n_);
-    for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
-        const auto k = static_cast<std::size_t>(joint.find(t));
-        q[i] = advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]).p;
-    }
+    for (int i = 0; i < n_; ++i) q[i] = calcPosition(i, t);
 }
 
 void ArmPath::calcMotion(double t, JointVector& q, JointVector& qd) const {
     q.resize(n_);
     qd.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
-        const auto k = static_cast<std::size_t>(joint.find(t));
-        const AxisState s = advance(joint.state[k], joint.jerk[k], t - joint.begin_s[k]);
+        const AxisState s = calcState(i, t);
         q[i] = s.p;
         qd[i] = s.v;
     }
-}
-
-double ArmPath::calcAcceleration(int i, double t) const {
-    const Joint& joint = joints_[static_cast<std::size_t>(i)];
-    const auto k = static_cast<std::size_t>(joint.find(t));
-    return joint.state[k].a + joint.jerk[k] * (t - joint.begin_s[k]);
 }
 
 void ArmPath::calcTick(std::int64_t tick, JointVector& q, JointVector& qd, JointVector& meanQdd) const {
@@ -102,13 +80,11 @@ void ArmPath::calcTick(std::int64_t tick, JointVector& q, JointVector& qd, Joint
     qd.resize(n_);
     meanQdd.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
-        const auto k = static_cast<std::size_t>(joint.findTick(tick));
-        const AxisState s =
-            advance(joint.state[k], joint.jerk[k], static_cast<double>(tick - joint.beginTick[k]) * tick_s_);
+        const Piece& piece = joints_[i].pieces[joints_[i].findTick(tick)];
+        const AxisState s = advance(piece.state, piece.jerk, static_cast<double>(tick - piece.beginTick) * tick_s_);
         q[i] = s.p;
         qd[i] = s.v;
-        meanQdd[i] = s.a + joint.jerk[k] * tick_s_ / 2.0;
+        meanQdd[i] = s.a + piece.jerk * tick_s_ / 2.0;
     }
 }
 
@@ -140,12 +116,11 @@ void ArmPath::calcPositions(double t, JointVector& q, JointVector& travel) const
     q.resize(n_);
     travel.resize(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
-        const auto k = static_cast<std::size_t>(joint.find(t));
-        const double since = t - joint.begin_s[k];
-        const AxisState end = advance(joint.state[k], joint.jerk[k], since);
+        const Piece& piece = joints_[i].find(t);
+        const double since = t - piece.begin_s;
+        const AxisState end = advance(piece.state, piece.jerk, since);
         q[i] = end.p;
-        travel[i] = joint.travel[k] + calcPieceTravel(joint.state[k], joint.jerk[k], since, end);
+        travel[i] = piece.travel + calcPieceTravel(piece.state, piece.jerk, since, end);
     }
 }
 
@@ -154,22 +129,21 @@ void ArmPath::calcExtremes(Extremes& extremes) const {
          {&extremes.position, &extremes.velocity, &extremes.acceleration, &extremes.jerk, &extremes.travel})
         v->setZero(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[static_cast<std::size_t>(i)];
-        for (int piece = 0; piece < joint.pieces; ++piece) {
-            const auto k = static_cast<std::size_t>(piece);
-            const AxisState& s = joint.state[k];
+        const Joint& joint = joints_[i];
+        for (int k = 0; k < joint.count; ++k) {
+            const Piece& piece = joint.pieces[k];
+            const AxisState& s = piece.state;
             const auto see = [](double& most, double x) { most = std::max(most, std::abs(x)); };
             see(extremes.velocity[i], s.v);
             see(extremes.acceleration[i], s.a);
-            see(extremes.jerk[i], joint.jerk[k]);
-            const double turn = joint.jerk[k] != 0.0 ? -s.a / joint.jerk[k] : -1.0;
-            if (piece + 1 < joint.pieces && turn > 0.0 && turn < joint.begin_s[k + 1] - joint.begin_s[k])
-                see(extremes.velocity[i], s.v - s.a * s.a / (2.0 * joint.jerk[k]));
+            see(extremes.jerk[i], piece.jerk);
+            const double turn = piece.jerk != 0.0 ? -s.a / piece.jerk : -1.0;
+            if (k + 1 < joint.count && turn > 0.0 && turn < joint.pieces[k + 1].begin_s - piece.begin_s)
+                see(extremes.velocity[i], s.v - s.a * s.a / (2.0 * piece.jerk));
         }
-        const auto last = static_cast<std::size_t>(joint.pieces - 1);
         // Nowhere farther from the start than all of the travel.
-        extremes.travel[i] = joint.travel[last];
-        extremes.position[i] = std::abs(joint.state[0].p) + joint.travel[last];
+        extremes.travel[i] = joint.pieces[joint.count - 1].travel;
+        extremes.position[i] = std::abs(joint.pieces[0].state.p) + extremes.travel[i];
     }
 }
 
@@ -178,29 +152,30 @@ component is farther from the straight line through its ends than h^2/8 times it
 void ArmPath::calcDifference(const ArmPath& other, std::int64_t begin, Difference& difference) const {
     for (JointVector* v : {&difference.position, &difference.velocity, &difference.acceleration}) v->setZero(n_);
     for (int i = 0; i < n_; ++i) {
-        const Joint &own = joints_[static_cast<std::size_t>(i)], &their = other.joints_[static_cast<std::size_t>(i)];
+        const Joint &own = joints_[i], &their = other.joints_[i];
         int k = 0, l = their.findTick(begin);
         double bend = 0.0, kink = 0.0;  // what straight lines miss of position and velocity
         for (std::int64_t tick = 0;;) {
-            const auto a = static_cast<std::size_t>(k), b = static_cast<std::size_t>(l);
+            const Piece &a = own.pieces[k], &b = their.pieces[l];
             const auto calcTime = [&](std::int64_t ticks) { return static_cast<double>(ticks) * tick_s_; };
-            const AxisState is = advance(own.state[a], own.jerk[a], calcTime(tick - own.beginTick[a]));
-            const AxisState was = advance(their.state[b], their.jerk[b], calcTime(tick + begin - their.beginTick[b]));
+            const AxisState is = advance(a.state, a.jerk, calcTime(tick - a.beginTick));
+            const AxisState was = advance(b.state, b.jerk, calcTime(tick + begin - b.beginTick));
             const double apart = std::abs(is.a - was.a);
             difference.position[i] = std::max(difference.position[i], std::abs(is.p - was.p));
             difference.velocity[i] = std::max(difference.velocity[i], std::abs(is.v - was.v));
             difference.acceleration[i] = std::max(difference.acceleration[i], apart);
-            const bool isLast = k + 1 == own.pieces, isTheirLast = l + 1 == their.pieces;
+            const bool isLast = k + 1 == own.count, isTheirLast = l + 1 == their.count;
             if (isLast && isTheirLast) break;
-            std::int64_t next = 0;
-            if (!isLast) next = own.beginTick[a + 1];
-            if (!isTheirLast)
-                next = isLast ? their.beginTick[b + 1] - begin : std::min(next, their.beginTick[b + 1] - begin);
-            const double h = calcTime(next - tick), jerk = own.jerk[a] - their.jerk[b];
+            // Of a joint that rests there is no next segment.
+            constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+            const std::int64_t ownNext = isLast ? kNever : own.pieces[k + 1].beginTick;
+            const std::int64_t theirNext = isTheirLast ? kNever : their.pieces[l + 1].beginTick - begin;
+            const std::int64_t next = std::min(ownNext, theirNext);
+            const double h = calcTime(next - tick), jerk = a.jerk - b.jerk;
             bend = std::max(bend, h * h / 8.0 * std::max(apart, std::abs(is.a - was.a + jerk * h)));
             kink = std::max(kink, h * h / 8.0 * std::abs(jerk));
-            if (!isLast && own.beginTick[a + 1] <= next) ++k;
-            if (!isTheirLast && their.beginTick[b + 1] - begin <= next) ++l;
+            if (ownNext == next) ++k;
+            if (theirNext == next) ++l;
             tick = next;
         }
         difference.position[i] += bend;

@@ -19,9 +19,9 @@ public:
     double calcRestTime(int joint) const;
 
     /** Time in [0, duration()]. */
-    double calcPosition(int joint, double t) const;
+    double calcPosition(int joint, double t) const { return calcState(joint, t).p; }
     void calcPositions(double t, JointVector& q) const;
-    double calcAcceleration(int joint, double t) const;  ///< [rad/s^2]
+    double calcAcceleration(int joint, double t) const { return calcState(joint, t).a; }  ///< [rad/s^2]
     /** Positions and velocities. */
     void calcMotion(double t, JointVector& q, JointVector& qd) const;
 
@@ -47,16 +47,20 @@ public:
     void calcDifference(const ArmPath& other, std::int64_t begin, Difference& difference) const;
 
 private:
-    static constexpr int kPieces = GridStop::kSegments + 1;
-    /** A joint's segments, each with the state and the travel it begins with; the last one is rest. */
+    /** A segment, with the state and the travel that it begins with. */
+    struct Piece {
+        double begin_s = 0.0, jerk = 0.0, travel = 0.0;
+        std::int64_t beginTick = 0;
+        AxisState state;
+    };
+    /** A joint's segments: the tick, its stop, and rest. */
     struct Joint {
-        int pieces = 0;
-        std::array<double, kPieces + 1> begin_s{}, jerk{}, travel{};
-        std::array<std::int64_t, kPieces + 1> beginTick{};
-        std::array<AxisState, kPieces + 1> state;
-        int find(double t) const;
+        int count = 0;
+        std::array<Piece, GridStop::kSegments + 2> pieces;
+        const Piece& find(double t) const;
         int findTick(std::int64_t tick) const;
     };
+    AxisState calcState(int joint, double t) const;
     static double calcPieceTravel(const AxisState& s, double jerk, double t, const AxisState& end);
 
     int n_ = 0;

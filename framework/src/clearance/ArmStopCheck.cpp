@@ -85,8 +85,8 @@ public:
     bisection::Bounds findKnown(int from, int to) const {
         if (!check_.source_) return {-kInfinity, -kInfinity};
         const double begin_s = static_cast<double>(check_.source_->begin) * check_.tick_s_;
-        return check_.source_->result.profile[static_cast<std::size_t>(index_)].find(
-            begin_s + check_.motion_.calcTime(from), begin_s + check_.motion_.calcTime(to), check_.apart_m_);
+        return check_.source_->result.profile[index_].find(begin_s + check_.motion_.calcTime(from),
+                                                           begin_s + check_.motion_.calcTime(to), check_.apart_m_);
     }
     bisection::Travel calcTravel(const bisection::Look& from, const bisection::Look& to) {
         return check_.motion_.calcTravel(index_, from.sample, to.sample);
@@ -183,7 +183,7 @@ bool ArmStopCheck::checkElement(std::size_t e, const Demands& demands, bool must
     for (int part = 0; part < kParts; ++part) {
         const int from = part * kSamples, to = from + kSamples;
         const bisection::Bounds known = subject.findKnown(from, to);
-        isOpen[static_cast<std::size_t>(part)] = !known.areFar(demand);
+        isOpen[part] = !known.areFar(demand);
         if (known.areFar(demand)) {
             found_[e].settle(from, to, known);
         } else if (known.seen < least) {
@@ -208,17 +208,17 @@ bool ArmStopCheck::checkElement(std::size_t e, const Demands& demands, bool must
     }
     const auto proveFrom = [&](int part) {  // all that is open around it
         int last = part;
-        const auto isOpenAt = [&](int k) { return isOpen[static_cast<std::size_t>(k)]; };
+        const auto isOpenAt = [&](int k) { return isOpen[k]; };
         while (part > 0 && isOpenAt(part - 1)) --part;
         while (last + 1 < kParts && isOpenAt(last + 1)) ++last;
-        for (int k = part; k <= last; ++k) isOpen[static_cast<std::size_t>(k)] = false;
+        for (int k = part; k <= last; ++k) isOpen[k] = false;
         bisection::Look from = part == 0 ? begin : subject.calcRough(part * kSamples);
         bisection::Look to = subject.calcRough((last + 1) * kSamples);
         bisection::prove(demand, subject, from, to, found_[e]);
     };
-    if (isOpen[static_cast<std::size_t>(nearest)]) proveFrom(nearest);
+    if (isOpen[nearest]) proveFrom(nearest);
     for (int part = 0; part < kParts; ++part)
-        if (isOpen[static_cast<std::size_t>(part)]) proveFrom(part);
+        if (isOpen[part]) proveFrom(part);
     return found_[e].isKept;
 }
 
@@ -313,11 +313,9 @@ void ArmStopCheck::findNearest(const Demands& demands, Result& result) {
 }
 
 LimitReport ArmStopCheck::getNearest(int e) const {
-    const ArmElement& element = elements_[static_cast<std::size_t>(e)];
-    const ElementDistance::Place& place = places_[static_cast<std::size_t>(e)];
-    const auto getLink = [&](int capsule) {
-        return capsule < 0 ? -1 : capsules_[static_cast<std::size_t>(capsule)].link;
-    };
+    const ArmElement& element = elements_[e];
+    const ElementDistance::Place& place = places_[e];
+    const auto getLink = [&](int capsule) { return capsule < 0 ? -1 : capsules_[capsule].link; };
     LimitReport report;
     report.isKnown = place.isSeen();
     report.margin = place.distance;
@@ -329,34 +327,11 @@ LimitReport ArmStopCheck::getNearest(int e) const {
     return report;
 }
 
-/** The nearest first, should there be no room for all.
-@param calcRoom  of an element [m]; infinite: it is left out */
-template <class Room, class Use>
-void ArmStopCheck::forNearest(const Room& calcRoom, const Use& use) const {
-    double above = -kInfinity;
-    std::size_t last = elements_.size();
-    for (int k = 0; k < kMostClearanceRows; ++k) {
-        std::size_t next = elements_.size();
-        double least = kInfinity;
-        for (std::size_t e = 0; e < elements_.size(); ++e) {
-            const double room = calcRoom(e);
-            const bool isLeft =
-                room > above || (room == above && e > last);  // those that lost the distance have the same
-            if (!(isLeft && room < least)) continue;
-            least = room;
-            next = e;
-        }
-        if (next == elements_.size()) return;
-        above = least;
-        last = next;
-        use(next);
-    }
-}
-
 void ArmStopCheck::addRows(const JointVector& jerk, const ArmPath& other, const JointVector& otherJerk,
                            const Demands& demands, RowQp::Rows& rows) {
     const StopPair stops{*path_, jerk, other, otherJerk};
-    forNearest(
+    forLeast(
+        elements_.size(), kMostClearanceRows,
         [&](std::size_t e) {
             const double room = places_[e].distance - demands.ahead[e];
             return room < 0.0 ? room : kInfinity;
@@ -378,7 +353,8 @@ void ArmStopCheck::addMotionRows(const StopPair& stops, const Demands& demands, 
 bool ArmStopCheck::addForeseenRows(const Result& found, double since_s, const StopPair& stops, const Demands& demands,
                                    RowQp::Rows& rows) {
     bool isAnyBroken = false;
-    forNearest(
+    forLeast(
+        elements_.size(), kMostClearanceRows,
         [&](std::size_t e) {
             const Near& near = found.near[e];
             const bool isAhead = near.place.isSeen() && near.time_s > since_s && near.place.distance < demands.far[e];

@@ -163,8 +163,6 @@ private:
     bool checkElement(std::size_t e, const Demands& demands, bool mustBeGood);
     bool hasBudget() const { return distances_ > 0; }
     void findNearest(const Demands& demands, Result& result);
-    template <class Room, class Use>
-    void forNearest(const Room& calcRoom, const Use& use) const;
 
     int n_;
     std::vector<LinkCapsule> capsules_;

@@ -82,8 +82,7 @@ struct Result {
     /** Nothing more is looked at between two samples. */
     void settle(int from, int to, const Bounds& bounds) {
         all.include(bounds);
-        for (int k = from * kParts / kDivisions; k * kDivisions < to * kParts; ++k)
-            parts[static_cast<std::size_t>(k)].include(bounds);
+        for (int k = from * kParts / kDivisions; k * kDivisions < to * kParts; ++k) parts[k].include(bounds);
     }
 };
 

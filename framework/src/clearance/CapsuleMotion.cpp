@@ -9,8 +9,7 @@ namespace {
 
 Eigen::Vector3d calcPlace(const ArmRecursion::Frames& frames, int carrier, const Eigen::Vector3d& p) {
     if (carrier < 0) return p;
-    const auto at = static_cast<std::size_t>(carrier);
-    return frames.origin[at] + frames.rotation[at].lazyProduct(p);
+    return frames.origin[carrier] + frames.rotation[carrier].lazyProduct(p);
 }
 
 }  // namespace
@@ -23,7 +22,7 @@ CapsuleMotion::CapsuleMotion(const RobotDescription& robot, std::vector<LinkCaps
       radii_(std::move(radii)),
       offsets_(n_),
       levers_(capsules_.size(), JointVector::Zero(n_)) {
-    for (int i = 0; i < n_; ++i) offsets_[i] = robot.joints[static_cast<std::size_t>(i)].placement.translation().norm();
+    for (int i = 0; i < n_; ++i) offsets_[i] = robot.joints[i].placement.translation().norm();
 }
 
 CapsuleMotion::Pose CapsuleMotion::makePose() const {
@@ -44,17 +43,16 @@ void CapsuleMotion::calcFrames(const JointVector& q, Pose& pose) const {
 }
 
 void CapsuleMotion::place(int index, Pose& pose) const {
-    const auto k = static_cast<std::size_t>(index);
-    if (pose.isPlaced[k]) return;
-    const LinkCapsule& capsule = capsules_[k];
-    pose.segments[k] = {calcPlace(pose.frames, capsule.carrier, capsule.a),
-                        calcPlace(pose.frames, capsule.carrier, capsule.b)};
-    pose.isPlaced[k] = 1;
+    if (pose.isPlaced[index]) return;
+    const LinkCapsule& capsule = capsules_[index];
+    pose.segments[index] = {calcPlace(pose.frames, capsule.carrier, capsule.a),
+                            calcPlace(pose.frames, capsule.carrier, capsule.b)};
+    pose.isPlaced[index] = 1;
 }
 
 int CapsuleMotion::findCommonCarrier(int first, int second) const {
-    int carrier = capsules_[static_cast<std::size_t>(first)].carrier;
-    const int other = capsules_[static_cast<std::size_t>(second)].carrier;
+    int carrier = capsules_[first].carrier;
+    const int other = capsules_[second].carrier;
     while (carrier >= 0 && !arm_.moves(carrier, other)) carrier = arm_.parent(carrier);
     return carrier;
 }
@@ -67,22 +65,20 @@ void CapsuleMotion::setPath(const ArmPath::Extremes& extremes, const Pose& begin
 /** Of a joint's axis no point of the capsule is farther than now and what the joints further out add on the way, nor
 farther than the arm between them is long. */
 void CapsuleMotion::setLever(int index, const Pose& begin) {
-    const auto k = static_cast<std::size_t>(index);
-    const LinkCapsule& capsule = capsules_[k];
-    const Segment& segment = begin.segments[k];
-    JointVector& lever = levers_[k];
-    double length = std::max(capsule.a.norm(), capsule.b.norm()) + radii_[k], outward = 0.0;
+    const LinkCapsule& capsule = capsules_[index];
+    const Segment& segment = begin.segments[index];
+    JointVector& lever = levers_[index];
+    double length = std::max(capsule.a.norm(), capsule.b.norm()) + radii_[index], outward = 0.0;
     for (int i = capsule.carrier; i >= 0; i = arm_.parent(i)) {
-        const auto at = static_cast<std::size_t>(i);
         if (arm_.isPrismatic(i)) {
             lever[i] = 1.0;
             length += extremes_.position[i];
         } else {
-            const Eigen::Vector3d& axis = begin.frames.axis[at];
-            const Eigen::Vector3d& origin = begin.frames.origin[at];
+            const Eigen::Vector3d& axis = begin.frames.axis[i];
+            const Eigen::Vector3d& origin = begin.frames.origin[i];
             const double now = std::sqrt(
                 std::max(axis.cross(segment.a - origin).squaredNorm(), axis.cross(segment.b - origin).squaredNorm()));
-            lever[i] = std::min(length, now + radii_[k] + outward);
+            lever[i] = std::min(length, now + radii_[index] + outward);
         }
         outward += lever[i] * extremes_.travel[i];
         length += offsets_[i];
@@ -92,8 +88,8 @@ void CapsuleMotion::setLever(int index, const Pose& begin) {
 /** By d2p/dq_i dq_j = axis_i x (axis_j x (p - origin_j)), j the outer one, axis_i x axis_j where j slides and 0 where i
 does. */
 double CapsuleMotion::calcBend(int capsule, int base) const {
-    const int carrier = capsules_[static_cast<std::size_t>(capsule)].carrier;
-    const JointVector& lever = levers_[static_cast<std::size_t>(capsule)];
+    const int carrier = capsules_[capsule].carrier;
+    const JointVector& lever = levers_[capsule];
     double bend = 0.0, turning = 0.0;  // of the joints further in
     for (int i = carrier; i != base; i = arm_.parent(i))
         if (!arm_.isPrismatic(i)) turning += extremes_.velocity[i];
@@ -109,10 +105,10 @@ double CapsuleMotion::calcBend(int capsule, int base) const {
 p is longer than the lever of the outermost of its joints; one that a sliding joint has part in, unless as the outermost and only
 once, is 0. s and c: speeds and accelerations of the turning joints further in, added up. */
 double CapsuleMotion::calcBendRate(int capsule) const {
-    const JointVector& lever = levers_[static_cast<std::size_t>(capsule)];
+    const JointVector& lever = levers_[capsule];
     double s = 0.0, c = 0.0, rate = 0.0;
     for (int k = 0; k < n_; ++k) {  // from the base outwards
-        if (!arm_.moves(k, capsules_[static_cast<std::size_t>(capsule)].carrier)) continue;
+        if (!arm_.moves(k, capsules_[capsule].carrier)) continue;
         const double v = extremes_.velocity[k], a = extremes_.acceleration[k];
         const bool slides = arm_.isPrismatic(k);
         const double second = slides ? a * s + v * c : a * (v + s) + v * c;
@@ -126,14 +122,12 @@ double CapsuleMotion::calcBendRate(int capsule) const {
 }
 
 double CapsuleMotion::calcChord(int capsule, int base, const Pose& a, const Pose& b) const {
-    const auto k = static_cast<std::size_t>(capsule);
-    if (capsules_[k].carrier == base) return 0.0;
-    const Segment &was = a.segments[k], &is = b.segments[k];
+    if (capsules_[capsule].carrier == base) return 0.0;
+    const Segment &was = a.segments[capsule], &is = b.segments[capsule];
     Eigen::Vector3d first = is.a - was.a, second = is.b - was.b;
     if (base >= 0) {
-        const auto at = static_cast<std::size_t>(base);
-        const auto see = [at](const Pose& pose, const Eigen::Vector3d& p) -> Eigen::Vector3d {
-            return pose.frames.rotation[at].transpose().lazyProduct(p - pose.frames.origin[at]);
+        const auto see = [base](const Pose& pose, const Eigen::Vector3d& p) -> Eigen::Vector3d {
+            return pose.frames.rotation[base].transpose().lazyProduct(p - pose.frames.origin[base]);
         };
         first = see(b, is.a) - see(a, was.a);
         second = see(b, is.b) - see(a, was.b);

@@ -37,7 +37,7 @@ public:
 
     /** Farthest that points of the capsule are from each joint's axis; 1 for a sliding joint, 0 for one that does not move
     it [m]. Times the joint's travel: how far it moves them. */
-    const JointVector& lever(int capsule) const { return levers_[static_cast<std::size_t>(capsule)]; }
+    const JointVector& lever(int capsule) const { return levers_[capsule]; }
     /** Largest acceleration of the capsule's points as seen from what the joint `base` (-1: nothing) carries [m/s^2].
     `base` is -1 or carries the capsule. */
     double calcBend(int capsule, int base) const;

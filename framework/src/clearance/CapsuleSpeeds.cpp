@@ -26,16 +26,14 @@ void CapsuleSpeeds::sample(const ArmPath& path, double time_s) {
     motion_.calcPose(position_, pose_);
     const ArmRecursion::Frames& frames = pose_.frames;
     for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
         Eigen::Vector3d turning = Eigen::Vector3d::Zero(), moving = turning;
         if (const int parent = arm_.parent(i); parent >= 0) {
-            const auto before = static_cast<std::size_t>(parent);
-            turning = turning_[before];
-            moving = moving_[before] + turning.cross(frames.origin[at] - frames.origin[before]);
+            turning = turning_[parent];
+            moving = moving_[parent] + turning.cross(frames.origin[i] - frames.origin[parent]);
         }
-        (arm_.isPrismatic(i) ? moving : turning) += velocity_[i] * frames.axis[at];
-        turning_[at] = turning;
-        moving_[at] = moving;
+        (arm_.isPrismatic(i) ? moving : turning) += velocity_[i] * frames.axis[i];
+        turning_[i] = turning;
+        moving_[i] = moving;
     }
 }
 

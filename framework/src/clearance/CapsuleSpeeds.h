@@ -4,6 +4,14 @@
 
 namespace viable::detail {
 
+/** The capsules that a joint moves. */
+inline std::vector<LinkCapsule> listMoved(const ArmGeometry& geometry) {
+    std::vector<LinkCapsule> capsules;
+    for (const LinkCapsule& capsule : geometry.capsules)
+        if (capsule.carrier >= 0) capsules.push_back(capsule);
+    return capsules;
+}
+
 /** The speeds of an arm's capsules at looks at a path.
 
 A capsule is the balls around the points of its segment, speed is convex, so the fastest ball is at an end; and with w the angular

@@ -46,30 +46,29 @@ double ElementDistance::calcToOthers(const Eigen::Vector3d& p) const {
 }
 
 ElementDistance::Rough ElementDistance::calcRough(const ArmElement& element, const CapsuleMotion::Pose& pose) const {
-    const Cover& first = covers_[static_cast<std::size_t>(element.first)];
-    const CapsuleMotion::Segment& segment = pose.segments[static_cast<std::size_t>(element.first)];
+    const Cover& first = covers_[element.first];
+    const CapsuleMotion::Segment& segment = pose.segments[element.first];
     const Eigen::Vector3d middle = (segment.a + segment.b) / 2.0;
     if (!element.isPair()) {
         const double ofMiddle = calcToOthers(middle);
         return {ofMiddle - first.reach, ofMiddle};
     }
-    const Cover& second = covers_[static_cast<std::size_t>(element.second)];
-    const CapsuleMotion::Segment& other = pose.segments[static_cast<std::size_t>(element.second)];
+    const Cover& second = covers_[element.second];
+    const CapsuleMotion::Segment& other = pose.segments[element.second];
     return {(middle - (other.a + other.b) / 2.0).norm() - first.reach - second.reach, kInfinity};
 }
 
 double ElementDistance::calc(const ArmElement& element, const CapsuleMotion::Pose& pose, double ofMiddle, int sample,
                              Place& nearest, int& distances) const {
     if (!element.isPair())
-        return calcToSurroundings(element.first, pose.segments[static_cast<std::size_t>(element.first)], ofMiddle,
-                                  sample, nearest, distances);
+        return calcToSurroundings(element.first, pose.segments[element.first], ofMiddle, sample, nearest, distances);
     --distances;
     return calcBetween(element, pose, sample, nearest);
 }
 
 double ElementDistance::calcToSurroundings(int capsule, const CapsuleMotion::Segment& segment, double ofMiddle,
                                            int sample, Place& nearest, int& distances) const {
-    const Cover& cover = covers_[static_cast<std::size_t>(capsule)];
+    const Cover& cover = covers_[capsule];
     const int last = cover.gaps;
     const Eigen::Vector3d along = last > 0 ? Eigen::Vector3d((segment.b - segment.a) / last) : Eigen::Vector3d::Zero();
     double least = kInfinity;
@@ -123,8 +122,8 @@ double ElementDistance::calcBetween(const ArmElement& element, const CapsuleMoti
 
 ElementDistance::Place ElementDistance::makePlace(const ArmElement& pair, const Eigen::Vector3d& onA,
                                                   const Eigen::Vector3d& onB, int sample) const {
-    const double a = capsules_[static_cast<std::size_t>(pair.first)].radius;
-    const double b = capsules_[static_cast<std::size_t>(pair.second)].radius;
+    const double a = capsules_[pair.first].radius;
+    const double b = capsules_[pair.second].radius;
     const Eigen::Vector3d apart = onA - onB;
     const double distance = apart.norm();
     const Eigen::Vector3d direction = distance > 0.0 ? Eigen::Vector3d(apart / distance) : Eigen::Vector3d::Zero();
@@ -136,7 +135,7 @@ int ElementDistance::calcEnds(const ArmElement& element, const CapsuleMotion::Po
     int count = 0;
     const auto add = [&](const Place& end) {
         const bool isThere = end.onFirst.isApprox(nearest.onFirst) && end.onSecond.isApprox(nearest.onSecond);
-        if (!isThere) ends[static_cast<std::size_t>(count++)] = end;
+        if (!isThere) ends[count++] = end;
     };
     const auto first = static_cast<std::size_t>(element.first);
     const CapsuleMotion::Segment& segment = pose.segments[first];
@@ -146,7 +145,7 @@ int ElementDistance::calcEnds(const ArmElement& element, const CapsuleMotion::Po
                           nearest.sample));
         return count;
     }
-    const CapsuleMotion::Segment& other = pose.segments[static_cast<std::size_t>(element.second)];
+    const CapsuleMotion::Segment& other = pose.segments[element.second];
     Eigen::Vector3d onA, onB;
     for (const Eigen::Vector3d* end : {&segment.a, &segment.b}) {
         findNearestPoints(*end, *end, other.a, other.b, onA, onB);
@@ -162,17 +161,14 @@ int ElementDistance::calcEnds(const ArmElement& element, const CapsuleMotion::Po
 void calcDistanceGradient(const ElementDistance::Place& place, const ArmElement& element,
                           const std::vector<LinkCapsule>& capsules, const ArmRecursion& arm,
                           const ArmRecursion::Frames& frames, JointVector& row) {
-    const auto getCarrier = [&](int capsule) {
-        return capsule < 0 ? -1 : capsules[static_cast<std::size_t>(capsule)].carrier;
-    };
+    const auto getCarrier = [&](int capsule) { return capsule < 0 ? -1 : capsules[capsule].carrier; };
     const int first = getCarrier(element.first), second = getCarrier(element.second);
     row.resize(arm.size());
     for (int i = 0; i < arm.size(); ++i) {
-        const auto at = static_cast<std::size_t>(i);
         const auto calcMotion = [&](int carrier, const Eigen::Vector3d& p) -> double {
             if (carrier < 0 || !arm.moves(i, carrier)) return 0.0;
-            const Eigen::Vector3d& axis = frames.axis[at];
-            return place.gradient.dot(arm.isPrismatic(i) ? axis : axis.cross(p - frames.origin[at]));
+            const Eigen::Vector3d& axis = frames.axis[i];
+            return place.gradient.dot(arm.isPrismatic(i) ? axis : axis.cross(p - frames.origin[i]));
         };
         row[i] = calcMotion(first, place.onFirst) - calcMotion(second, place.onSecond);
     }

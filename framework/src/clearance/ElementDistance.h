@@ -31,8 +31,7 @@ public:
     two segments from each other [m]. */
     double getRadius(const ArmElement& element) const {
         const auto first = static_cast<std::size_t>(element.first);
-        return element.isPair() ? capsules_[first].radius + capsules_[static_cast<std::size_t>(element.second)].radius
-                                : covers_[first].radius;
+        return element.isPair() ? capsules_[first].radius + capsules_[element.second].radius : covers_[first].radius;
     }
     /** Of the balls that cover each capsule [m]. */
     std::vector<double> getRadii() const;

@@ -39,7 +39,7 @@ void MotionBound::setPath(const ArmPath& path, const ArmPath::Extremes& extremes
 }
 
 MotionBound::Sample& MotionBound::getSample(int at) {
-    Sample& sample = samples_[static_cast<std::size_t>(at)];
+    Sample& sample = samples_[at];
     if (sample.isKnown) return sample;
     sample.isKnown = true;
     path_->calcPositions(calcTime(at), position_);
@@ -48,7 +48,7 @@ MotionBound::Sample& MotionBound::getSample(int at) {
 }
 
 const CapsuleMotion::Pose& MotionBound::getPose(int e, int at) {
-    const ArmElement& element = parts_[static_cast<std::size_t>(e)].element;
+    const ArmElement& element = parts_[e].element;
     CapsuleMotion::Pose& pose = getSample(at).pose;
     motion_.place(element.first, pose);
     if (element.isPair()) motion_.place(element.second, pose);
@@ -56,14 +56,14 @@ const CapsuleMotion::Pose& MotionBound::getPose(int e, int at) {
 }
 
 const JointVector& MotionBound::getTravel(int at) {
-    Sample& sample = samples_[static_cast<std::size_t>(at)];
+    Sample& sample = samples_[at];
     if (!sample.isTravelKnown) path_->calcPositions(calcTime(at), position_, sample.travel);
     sample.isTravelKnown = true;
     return sample.travel;
 }
 
 bisection::Travel MotionBound::calcTravel(int e, int from, int to) {
-    Part& part = parts_[static_cast<std::size_t>(e)];
+    Part& part = parts_[e];
     if (part.bend < 0.0) {
         part.bend = motion_.calcBend(part.element.first, part.base);
         if (part.element.isPair()) part.bend += motion_.calcBend(part.element.second, part.base);

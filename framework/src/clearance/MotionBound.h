@@ -35,9 +35,7 @@ public:
     bisection::Travel calcTravel(int e, int from, int to);
     /** How far apart the points of element e are on two paths whose positions differ by no more than `apart`, and for both of
     which the extremes hold [m]. */
-    double calcApart(int e, const JointVector& apart) const {
-        return parts_[static_cast<std::size_t>(e)].lever.dot(apart);
-    }
+    double calcApart(int e, const JointVector& apart) const { return parts_[e].lever.dot(apart); }
 
 private:
     struct Part {

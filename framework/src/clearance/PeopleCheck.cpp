@@ -14,21 +14,13 @@ constexpr double kFarFromPeople_m = 0.3;
 /** How much later a joint rests with the tick's jerk, in ticks over the jerk of its stop: between these. */
 constexpr double kLeastLater = 1.0, kMostLater = 8.0;
 
-std::vector<LinkCapsule> listMoved(const ArmGeometry* geometry, int people) {
-    std::vector<LinkCapsule> capsules;
-    if (geometry && people > 0)
-        for (const LinkCapsule& capsule : geometry->capsules)
-            if (capsule.carrier >= 0) capsules.push_back(capsule);
-    return capsules;
-}
-
 }  // namespace
 
 PeopleCheck::PeopleCheck(const RobotDescription& robot, const ArmGeometry* geometry, int people, double tick_s)
     : n_(robot.size()),
       people_(people),
       tick_s_(tick_s),
-      speeds_(robot, listMoved(geometry, people)),
+      speeds_(robot, geometry && people > 0 ? listMoved(*geometry) : std::vector<LinkCapsule>()),
       parts_(speeds_.size()),
       growth_(static_cast<std::size_t>(people)),
       speed_(static_cast<std::size_t>(people)) {
@@ -58,12 +50,12 @@ void PeopleCheck::setKnown(const PeopleWatch& watch, double time_s) {
 /** Of the capsule from the person's bodies, or a lower bound where that is far enough [m]. */
 double PeopleCheck::calcDistance(const Pair& pair, const CapsuleMotion::Segment& segment, double radius,
                                  double rest_s) const {
-    const PeopleWatch::Known& known = watch_->known()[static_cast<std::size_t>(pair.person)];
+    const PeopleWatch::Known& known = watch_->known()[pair.person];
     const double roughly = calcPointDistance(known.centre, segment.a, segment.b) - known.size_m - radius;
     if (roughly - calcReach(pair.person, rest_s) > demand_.ahead + kFarFromPeople_m) return roughly;
     double least = kInfinity;
     for (int k = 0; k < known.count; ++k) {
-        const PeopleWatch::Body& body = known.bodies[static_cast<std::size_t>(k)];
+        const PeopleWatch::Body& body = known.bodies[k];
         least = std::min(least, calcSegmentDistance(segment.a, segment.b, body.a, body.b) - body.radius);
     }
     return least - radius;
@@ -88,13 +80,13 @@ bool PeopleCheck::sample(double time_s, bool isBegin, const std::vector<int>& op
         look.speeds[k] = speeds_.calcFastest(k).speed;
     }
     for (const int index : open) {
-        Pair& pair = pairs_[static_cast<std::size_t>(index)];
+        Pair& pair = pairs_[index];
         const auto k = static_cast<std::size_t>(pair.capsule);
         const double rest_s = parts_[k].rest_s;
         const double distance = calcDistance(pair, look.segments[k], speeds_.capsule(k).radius, rest_s);
-        look.distances[static_cast<std::size_t>(index)] = distance;
+        look.distances[index] = distance;
         if (isBegin) continue;  // no jerk changes that
-        const double contactSpeed = watch_->known()[static_cast<std::size_t>(pair.person)].contactSpeed;
+        const double contactSpeed = watch_->known()[pair.person].contactSpeed;
         // At its end a capsule is as near as it was when it came to rest.
         const double then = std::min(time_s, rest_s);
         if (contactSpeed > 0.0 && look.speeds[k] <= contactSpeed * (1.0 - kSpeedGuard)) continue;
@@ -115,15 +107,15 @@ bool PeopleCheck::sample(double time_s, bool isBegin, const std::vector<int>& op
 /** False: it is over. */
 bool PeopleCheck::prove(const Look& from, const Look& to, int depth, const std::vector<int>& open) {
     const double h = to.time_s - from.time_s;
-    std::vector<int>& left = open_[static_cast<std::size_t>(depth)];
+    std::vector<int>& left = open_[depth];
     left.clear();
     const bool isLast = depth > kDepth - 1 || left_ <= 0 || leftOfPath_ <= 0;
     for (const int index : open) {
-        const Pair& pair = pairs_[static_cast<std::size_t>(index)];
+        const Pair& pair = pairs_[index];
         const auto k = static_cast<std::size_t>(pair.capsule), at = static_cast<std::size_t>(index);
         const Capsule& part = parts_[k];
         if (from.time_s >= part.rest_s) continue;
-        const double contactSpeed = watch_->known()[static_cast<std::size_t>(pair.person)].contactSpeed;
+        const double contactSpeed = watch_->known()[pair.person].contactSpeed;
         if (contactSpeed > 0.0 && std::max(from.speeds[k], to.speeds[k]) + h * h / 8.0 * part.bendRate <= contactSpeed)
             continue;
         const CapsuleMotion::Segment &was = from.segments[k], &is = to.segments[k];
@@ -132,25 +124,19 @@ bool PeopleCheck::prove(const Look& from, const Look& to, int depth, const std::
         const double way = std::min(levers, chord + h * h / 4.0 * part.bend);
         const double reach = calcReach(pair.person, std::min(to.time_s, part.rest_s));
         const double bound = (from.distances[at] + to.distances[at] - way) / 2.0 - reach;
-        if (bound > 0.0 && (bound >= demand_.ahead || bound >= pair.least / 2.0 || isLast)) {
-            settle(pair, bound);
-            continue;
-        }
+        const bool isFar = bound > 0.0 && (bound >= demand_.ahead || bound >= pair.least / 2.0);
         // A path that is too near is not looked at to the last: where it is nearest is known well enough.
-        if (!result_->isKept && bound >= result_->seen - kGuard_m) {
-            settle(pair, bound);
+        const bool isTold = !result_->isKept && bound >= result_->seen - kGuard_m;
+        if (!isFar && !isTold && !isLast) {
+            left.push_back(index);
             continue;
         }
-        if (isLast) {
-            if (!(bound > 0.0)) result_->isKept = false;
-            settle(pair, bound);
-            continue;
-        }
-        left.push_back(index);
+        if (!(bound > 0.0)) result_->isKept = false;
+        settle(pair, bound);
     }
     if (!result_->isKept && mustBeGood_) return false;
     if (left.empty()) return true;
-    Look& middle = middle_[static_cast<std::size_t>(depth)];
+    Look& middle = middle_[depth];
     // The list of this depth lives until both halves are done: they use those of the next ones.
     return sample((from.time_s + to.time_s) / 2.0, false, left, middle) && prove(from, middle, depth + 1, left) &&
            prove(middle, to, depth + 1, left);
@@ -184,9 +170,8 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
         Pair& pair = pairs_[index];
         pair.least = kInfinity;
         pair.time_s = pair.lastFast_s = 0.0;
-        const bool moves = parts_[static_cast<std::size_t>(pair.capsule)].rest_s > 0.0;
-        if (moves && watch_->known()[static_cast<std::size_t>(pair.person)].isKnown)
-            all.push_back(static_cast<int>(index));
+        const bool moves = parts_[pair.capsule].rest_s > 0.0;
+        if (moves && watch_->known()[pair.person].isKnown) all.push_back(static_cast<int>(index));
     }
     if (all.empty()) return;
     sample(0.0, true, all, begin_);
@@ -198,10 +183,10 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
     // What cannot come near on all of the path is not looked at again.
     inQuestion_.clear();
     for (const int index : all) {
-        const Pair& pair = pairs_[static_cast<std::size_t>(index)];
-        const double rest_s = parts_[static_cast<std::size_t>(pair.capsule)].rest_s;
-        const double bound = begin_.distances[static_cast<std::size_t>(index)] -
-                             speeds_.motion().lever(pair.capsule).dot(extremes.travel) - calcReach(pair.person, rest_s);
+        const Pair& pair = pairs_[index];
+        const double rest_s = parts_[pair.capsule].rest_s;
+        const double bound = begin_.distances[index] - speeds_.motion().lever(pair.capsule).dot(extremes.travel) -
+                             calcReach(pair.person, rest_s);
         if (bound > demand.ahead) {
             result.seen = std::min(result.seen, bound);
             settle(pair, bound);
@@ -219,28 +204,18 @@ void PeopleCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes
 
 void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Rows& rows) {
     if (!isAny() || !watch_) return;
-    double above = -kInfinity;
-    int before = -1;
-    for (int count = 0; count < kMostRows; ++count) {
-        int next = -1;
-        for (const int index : inQuestion_) {
-            const Pair& pair = pairs_[static_cast<std::size_t>(index)];
-            const bool isLeft = pair.least > above || (pair.least == above && index > before);
-            if (isLeft && pair.least < demand.ahead &&
-                (next < 0 || pair.least < pairs_[static_cast<std::size_t>(next)].least))
-                next = index;
-        }
-        if (next < 0) return;
-        const Pair& pair = pairs_[static_cast<std::size_t>(next)];
-        above = pair.least;
-        before = next;
-        const auto k = static_cast<std::size_t>(pair.capsule);
-        const PeopleWatch::Known& known = watch_->known()[static_cast<std::size_t>(pair.person)];
+    const auto calcKey = [&](std::size_t at) {
+        const double least = pairs_[inQuestion_[at]].least;
+        return least < demand.ahead ? least : kInfinity;
+    };
+    forLeast(inQuestion_.size(), kMostRows, calcKey, [&](std::size_t at) {
+        const Pair& pair = pairs_[inQuestion_[at]];
+        const PeopleWatch::Known& known = watch_->known()[pair.person];
         speeds_.sample(stops.path, pair.time_s);
-        const CapsuleMotion::Segment& segment = speeds_.pose().segments[k];
+        const CapsuleMotion::Segment& segment = speeds_.pose().segments[pair.capsule];
         ElementDistance::Place place;
         for (int j = 0; j < known.count; ++j) {
-            const PeopleWatch::Body& body = known.bodies[static_cast<std::size_t>(j)];
+            const PeopleWatch::Body& body = known.bodies[j];
             Eigen::Vector3d onArm, onBody;
             findNearestPoints(segment.a, segment.b, body.a, body.b, onArm, onBody);
             const Eigen::Vector3d apart = onArm - onBody;
@@ -253,7 +228,7 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
         calcDistanceGradient(place, {pair.capsule, -1}, speeds_.capsules(), speeds_.arm(), speeds_.pose().frames, row_);
         multiplyPlaceSlopes(stops, pair.time_s, tick_s_, row_);
         // Where it is met last, it is met later by what the last of its joints rests later.
-        if (const int last = parts_[k].lastJoint; last >= 0 && pair.time_s >= pair.lastFast_s) {
+        if (const int last = parts_[pair.capsule].lastJoint; last >= 0 && pair.time_s >= pair.lastFast_s) {
             const double unit = tick_s_ / std::max(extremes_.jerk[last], 1e-9);
             const double change = stops.jerk[last] - stops.otherJerk[last];
             const double later = (stops.path.calcRestTime(last) - stops.other.calcRestTime(last)) / std::abs(change);
@@ -264,10 +239,8 @@ void PeopleCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Ro
             const double way = stops.path.calcPosition(last, pair.time_s) - stops.path.calcPosition(last, 0.0);
             row_[last] -= std::copysign(known.speed * size, way);
         }
-        const double length = row_.norm();
-        const double bound = demand.ahead - pair.least + row_.dot(stops.jerk);
-        if (length > 0.0) rows.add(row_ / length, bound / length);
-    }
+        addRow(row_, demand.ahead - pair.least + row_.dot(stops.jerk), rows);
+    });
 }
 
 }  // namespace viable::detail

@@ -79,9 +79,7 @@ private:
         int lastJoint = -1;  ///< that rests last
     };
 
-    double calcReach(int person, double t) const {
-        return growth_[static_cast<std::size_t>(person)] + speed_[static_cast<std::size_t>(person)] * t;
-    }
+    double calcReach(int person, double t) const { return growth_[person] + speed_[person] * t; }
     double calcDistance(const Pair& pair, const CapsuleMotion::Segment& segment, double radius, double rest_s) const;
     bool sample(double time_s, bool isBegin, const std::vector<int>& open, Look& look);
     bool prove(const Look& from, const Look& to, int depth, const std::vector<int>& open);

@@ -50,10 +50,10 @@ segment are largest at its ends. */
 bool PeopleWatch::isExpected(const Known& before, const Person& person, const PersonObservation& seen) const {
     const double most = before.speed * (seen.stamp_s - before.since_s) + person.error_m + kPlaceRounding_m;
     for (int k = 0; k < seen.count; ++k) {
-        const PersonCapsule& is = seen.capsules[static_cast<std::size_t>(k)];
+        const PersonCapsule& is = seen.capsules[k];
         bool isIn = false;
         for (int j = 0; j < before.count && !isIn; ++j) {
-            const Body& was = before.bodies[static_cast<std::size_t>(j)];
+            const Body& was = before.bodies[j];
             const double moved = std::max(calcPointDistance(is.a, was.a, was.b), calcPointDistance(is.b, was.a, was.b));
             isIn = moved + is.radius - was.radius <= most;  // was.radius has its error already
         }
@@ -72,15 +72,15 @@ void PeopleWatch::set(const Person& person, const PersonObservation& seen, Known
     known.count = seen.count;
     Eigen::Vector3d lower = Eigen::Vector3d::Constant(kInfinity), upper = -lower;
     for (int k = 0; k < seen.count; ++k) {
-        const PersonCapsule& capsule = seen.capsules[static_cast<std::size_t>(k)];
-        known.bodies[static_cast<std::size_t>(k)] = {capsule.a, capsule.b, capsule.radius + person.error_m};
+        const PersonCapsule& capsule = seen.capsules[k];
+        known.bodies[k] = {capsule.a, capsule.b, capsule.radius + person.error_m};
         lower = lower.cwiseMin(capsule.a).cwiseMin(capsule.b);
         upper = upper.cwiseMax(capsule.a).cwiseMax(capsule.b);
     }
     known.centre = (lower + upper) / 2.0;
     known.size_m = 0.0;
     for (int k = 0; k < known.count; ++k) {
-        const Body& body = known.bodies[static_cast<std::size_t>(k)];
+        const Body& body = known.bodies[k];
         const double far = std::max((body.a - known.centre).norm(), (body.b - known.centre).norm());
         known.size_m = std::max(known.size_m, far + body.radius);
     }

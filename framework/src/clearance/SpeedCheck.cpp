@@ -32,9 +32,7 @@ bool isInBox(const CapsuleMotion::Segment& segment, const SpeedLimits::Region& r
 
 std::vector<LinkCapsule> SpeedCheck::listCapsules(const RobotDescription& robot, const ArmGeometry* geometry) {
     std::vector<LinkCapsule> capsules;
-    if (geometry && robot.speedLimits.needsCapsules())
-        for (const LinkCapsule& capsule : geometry->capsules)
-            if (capsule.carrier >= 0) capsules.push_back(capsule);
+    if (geometry && robot.speedLimits.needsCapsules()) capsules = listMoved(*geometry);
     if (robot.speedLimits.tool < kInfinity)
         capsules.push_back(
             {-1, robot.toolParent, robot.toolPlacement.translation(), robot.toolPlacement.translation(), 0.0});
@@ -50,13 +48,8 @@ SpeedCheck::SpeedCheck(const RobotDescription& robot, const ArmGeometry* geometr
     for (std::size_t k = 0; k < speeds_.size(); ++k) {
         const LinkCapsule& capsule = speeds_.capsule(k);
         const bool isCapsule = capsule.link >= 0;
-        Part part;
-        part.radius = capsule.radius;
-        part.limit = isCapsule ? limits_.arm : limits_.tool;
-        part.carrier = capsule.carrier;
-        part.link = capsule.link;
-        part.isCapsule = isCapsule;
-        parts_.push_back(part);
+        parts_.push_back(
+            {capsule.radius, isCapsule ? limits_.arm : limits_.tool, capsule.carrier, capsule.link, isCapsule});
     }
     const auto prepare = [this](Look& look) {
         look.speeds.assign(parts_.size(), 0.0);
@@ -135,7 +128,7 @@ bool SpeedCheck::prove(const Look& from, const Look& to, int depth) {
     }
     // A path that is too fast is not looked at to the last: where it is fastest is known well enough.
     if (!result_->isKept && most <= result_->seen + kGuard) return settle();
-    Look& middle = middle_[static_cast<std::size_t>(depth)];
+    Look& middle = middle_[depth];
     return sample((from.time_s + to.time_s) / 2.0, false, middle) && prove(from, middle, depth + 1) &&
            prove(middle, to, depth + 1);
 }
@@ -162,37 +155,26 @@ void SpeedCheck::examine(const ArmPath& path, const ArmPath::Extremes& extremes,
 
 void SpeedCheck::addRows(const StopPair& stops, const Demand& demand, RowQp::Rows& rows) {
     JointVector there, row(n_);
-    double last = kInfinity;
-    for (std::size_t before = parts_.size();;) {
-        std::size_t k = parts_.size();
-        for (std::size_t next = 0; next < parts_.size(); ++next) {
-            const bool isLeft = parts_[next].use < last || (parts_[next].use == last && next > before);
-            if (isLeft && (k == parts_.size() || parts_[next].use > parts_[k].use)) k = next;
-        }
-        if (k == parts_.size() || !(parts_[k].use > demand.ahead)) return;
+    const auto calcKey = [&](std::size_t k) { return parts_[k].use > demand.ahead ? -parts_[k].use : kInfinity; };
+    forLeast(parts_.size(), static_cast<int>(parts_.size()), calcKey, [&](std::size_t k) {
         const Part& part = parts_[k];
-        last = part.use;
-        before = k;
         stops.other.calcMotion(std::min(part.time_s, stops.other.duration()), otherPosition_, there);
         speeds_.sample(stops.path, part.time_s);
         const CapsuleSpeeds::Fastest fastest = speeds_.calcFastest(k);
-        if (!(fastest.speed > 0.0)) continue;
+        if (!(fastest.speed > 0.0)) return;
         const Eigen::Vector3d direction = fastest.velocity / fastest.speed;
         const ArmRecursion::Frames& frames = speeds_.pose().frames;
         for (int i = 0; i < n_; ++i) {
-            const auto at = static_cast<std::size_t>(i);
             row[i] = 0.0;
             if (!speeds_.arm().moves(i, part.carrier)) continue;
-            const Eigen::Vector3d& axis = frames.axis[at];
+            const Eigen::Vector3d& axis = frames.axis[i];
             const double slope = (speeds_.velocity()[i] - there[i]) / (stops.jerk[i] - stops.otherJerk[i]);
             row[i] =
-                -direction.dot(speeds_.arm().isPrismatic(i) ? axis : axis.cross(fastest.point - frames.origin[at])) *
+                -direction.dot(speeds_.arm().isPrismatic(i) ? axis : axis.cross(fastest.point - frames.origin[i])) *
                 (std::isfinite(slope) ? std::max(slope, 0.0) : tick_s_ * tick_s_);
         }
-        const double size = row.norm();
-        const double bound = fastest.speed - demand.ahead * part.limitThere + row.dot(stops.jerk);
-        if (size > 0.0) rows.add(row / size, bound / size);
-    }
+        addRow(row, fastest.speed - demand.ahead * part.limitThere + row.dot(stops.jerk), rows);
+    });
 }
 
 }  // namespace viable::detail

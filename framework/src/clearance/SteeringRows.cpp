@@ -10,17 +10,16 @@ namespace {
 stops from rest. */
 constexpr double kLeastSlope = 2.0;
 
-/** row . u >= bound, scaled to length 1. A row of zeros asks nothing: nothing that the arm does now changes it. */
-void add(const JointVector& row, double bound, RowQp::Rows& rows) {
-    const double size = row.norm();
-    if (size > 0.0) rows.add(row / size, bound / size);
-}
-
 }  // namespace
 
 SteeringRows::SteeringRows(const RobotDescription& robot, std::vector<LinkCapsule> capsules,
                            const TorqueScan::Limits& limits, double tick_s)
     : n_(robot.size()), arm_(robot), capsules_(std::move(capsules)), limits_(limits), tick_s_(tick_s) {}
+
+void addRow(const JointVector& row, double bound, RowQp::Rows& rows) {
+    const double size = row.norm();
+    if (size > 0.0) rows.add(row / size, bound / size);
+}
 
 void multiplyPlaceSlopes(const StopPair& stops, double t_s, double tick_s, JointVector& row) {
     JointVector here, there;
@@ -40,7 +39,7 @@ void SteeringRows::addClearance(const ElementDistance::Place& place, const ArmEl
     JointVector row;
     calcDistanceGradient(place, element, capsules_, arm_, frames, row);
     multiplyPlaceSlopes(stops, t_s, tick_s_, row);
-    add(row, bound - place.distance + row.dot(stops.jerk), rows);
+    addRow(row, bound - place.distance + row.dot(stops.jerk), rows);
 }
 
 bool SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmElement& element, double t_s, double bound,
@@ -52,8 +51,7 @@ bool SteeringRows::addForeseen(const ElementDistance::Place& place, const ArmEle
     const int before = rows.count;
     addClearance(place, element, frames, t_s, bound, stops, rows);
     if (rows.count == before) return true;
-    const auto last = static_cast<std::size_t>(before);
-    return rows.normal[last].dot(stops.otherJerk) >= rows.bound[last];
+    return rows.normal[before].dot(stops.otherJerk) >= rows.bound[before];
 }
 
 double SteeringRows::calcSteepness(const ElementDistance::Place& place, const ArmElement& element,
@@ -85,7 +83,7 @@ void SteeringRows::addTorque(const TorqueScan::Fault& fault, const StopPair& sto
         row[i] = M(fault.joint, i) * (std::isfinite(slope) ? slope : tick_s_ / 2.0);
     }
     if (fault.value > 0.0) row = -row;
-    add(row, fault.missing + row.dot(stops.jerk), rows);
+    addRow(row, fault.missing + row.dot(stops.jerk), rows);
 }
 
 void SteeringRows::addTick(const Dynamics& dynamics, const JointVector& qdd, double torqueUse,
@@ -96,8 +94,8 @@ void SteeringRows::addTick(const Dynamics& dynamics, const JointVector& qdd, dou
         const double lower = std::max(-torqueUse * limits_.torque[i], lastTorque[i] - change);
         const JointVector row = dynamics.M.row(i).transpose() * (tick_s_ / 2.0);
         const double rest = dynamics.M.row(i).dot(qdd) + dynamics.b[i];
-        if (std::isfinite(lower)) add(row, lower - rest, rows);
-        if (std::isfinite(upper)) add(-row, rest - upper, rows);
+        if (std::isfinite(lower)) addRow(row, lower - rest, rows);
+        if (std::isfinite(upper)) addRow(-row, rest - upper, rows);
     }
 }
 

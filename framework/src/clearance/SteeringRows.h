@@ -14,6 +14,33 @@ struct StopPair {
     const JointVector& otherJerk;
 };
 
+/** row . u >= bound, scaled to length 1. A row of zeros asks nothing: nothing that the arm does now changes it. */
+void addRow(const JointVector& row, double bound, RowQp::Rows& rows);
+
+/** For rows in their order, should there be no room for all: calls `use` for those `most` of the numbers below `size` that have
+the least key, of equal ones the smaller number first.
+@param calcKey  of a number; infinite: it is left out */
+template <class Key, class Use>
+void forLeast(std::size_t size, int most, const Key& calcKey, const Use& use) {
+    double above = -kInfinity;
+    std::size_t last = size;
+    for (int count = 0; count < most; ++count) {
+        std::size_t next = size;
+        double least = kInfinity;
+        for (std::size_t k = 0; k < size; ++k) {
+            const double key = calcKey(k);
+            const bool isLeft = key > above || (key == above && k > last);
+            if (!(isLeft && key < least)) continue;
+            least = key;
+            next = k;
+        }
+        if (next == size) return;
+        above = least;
+        last = next;
+        use(next);
+    }
+}
+
 /** How the joints' places at time t_s of the first stop move with the jerks: multiplies the parts of a row for places by that. */
 void multiplyPlaceSlopes(const StopPair& stops, double t_s, double tick_s, JointVector& row);
 

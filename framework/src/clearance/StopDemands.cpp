@@ -71,8 +71,4 @@ bool StopDemands::isKept() const {
                        [this](double floor) { return !(floor < required_m_); });
 }
 
-void StopDemands::lowerTorqueUse(double use) {
-    demands_.torqueUse = std::max(1.0, std::min(demands_.torqueUse, use));
-}
-
 }  // namespace viable::detail

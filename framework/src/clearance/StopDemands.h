@@ -27,7 +27,7 @@ public:
     /** Ends that. Of the stop that was looked at and is taken no more is asked until it is kept; null: it is not taken. */
     void harden(const ArmStopCheck::Result* taken);
     /** The torque that the stop taken now uses: the next one may use no more. */
-    void lowerTorqueUse(double use);
+    void lowerTorqueUse(double use) { demands_.torqueUse = std::max(1.0, std::min(demands_.torqueUse, use)); }
 
     /** Of every element the safety distance is asked, of none less because the backup stop does not keep it. */
     bool isKept() const;

@@ -6,15 +6,15 @@ namespace viable::detail {
 
 TorqueRate::TorqueRate(const RobotDescription& robot) : n_(robot.size()), gravity_(robot.gravity.norm()) {
     for (int i = 0; i < n_; ++i) {
-        const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
+        const JointDescription& joint = robot.joints[i];
         const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(joint.body.inertia, Eigen::EigenvaluesOnly);
-        bodies_[static_cast<std::size_t>(i)] = {joint.parent,
-                                                joint.type == JointType::Prismatic,
-                                                joint.placement.translation().norm(),
-                                                joint.body.com.norm(),
-                                                joint.body.mass,
-                                                principal.eigenvalues().maxCoeff(),
-                                                robot.actuation.rotorInertia[i]};
+        bodies_[i] = {joint.parent,
+                      joint.type == JointType::Prismatic,
+                      joint.placement.translation().norm(),
+                      joint.body.com.norm(),
+                      joint.body.mass,
+                      principal.eigenvalues().maxCoeff(),
+                      robot.actuation.rotorInertia[i]};
     }
 }
 
@@ -40,12 +40,11 @@ void TorqueRate::calcChange(const ArmPath::Extremes& motion, const JointVector& 
     std::array<Frame, kMaxJoints> frames;
     bound.setZero(n_);
     for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        const Body& body = bodies_[at];
-        const Frame& p = body.parent >= 0 ? frames[static_cast<std::size_t>(body.parent)] : base;
+        const Body& body = bodies_[i];
+        const Frame& p = body.parent >= 0 ? frames[body.parent] : base;
         const double s = motion.velocity[i], c = motion.acceleration[i];
         const double ds = dqd[i] + p.turned * s, dc = dqdd[i] + p.turned * c;
-        Frame& f = frames[at];
+        Frame& f = frames[i];
         f = p;
         f.reach = body.offset + (body.isPrismatic ? motion.position[i] : 0.0);
         f.slid = body.isPrismatic ? dq[i] : 0.0;
@@ -70,9 +69,9 @@ void TorqueRate::calcChange(const ArmPath::Extremes& motion, const JointVector& 
         // What this body asks of every joint that carries it: lever from that joint's frame to the body.
         double lever = body.com, dLever = f.turned * body.com;
         for (int k = i; k >= 0;) {
-            const Body& carrier = bodies_[static_cast<std::size_t>(k)];
-            const Frame& here = frames[static_cast<std::size_t>(k)];
-            const double turned = carrier.parent >= 0 ? frames[static_cast<std::size_t>(carrier.parent)].turned : 0.0;
+            const Body& carrier = bodies_[k];
+            const Frame& here = frames[k];
+            const double turned = carrier.parent >= 0 ? frames[carrier.parent].turned : 0.0;
             if (carrier.isPrismatic)
                 bound[k] += turned * force + dForce;
             else

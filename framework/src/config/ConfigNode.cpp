@@ -132,7 +132,7 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
     detail::clearLines(value);
 
     // First walk without changing anything, so that a wrong path leaves the tree as it was.
-    ConfigNode* node = &root;
+    ConfigNode *node = &root, *block = nullptr;  // which has the node in it
     std::size_t existing = 0;
     for (; existing < steps.size(); ++existing) {
         const Step& step = steps[existing];
@@ -143,7 +143,7 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
                                node->place() + " is " + describeNode(*node) + ", so there is no entry [" +
                                    std::to_string(step.index) + "]",
                                "Name an entry that exists, or set the whole list");
-            next = &node->items[static_cast<std::size_t>(step.index)];
+            next = &node->items[step.index];
         } else {
             if (node->kind != ConfigNode::Kind::Map && node->kind != ConfigNode::Kind::Empty)
                 throw badInput(argument,
@@ -153,6 +153,7 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
             next = node->find(step.key);
         }
         if (!next) break;
+        block = node;
         node = next;
     }
     for (std::size_t i = existing; i < steps.size(); ++i)
@@ -163,10 +164,6 @@ void applyOverride(ConfigNode& root, const std::string& assignment) {
     if (existing == steps.size()) {
         const bool isPlugin = steps.back().key == "plugin" && (value.kind != node->kind || value.text != node->text);
         if (isPlugin) {
-            ConfigNode* block = &root;
-            for (std::size_t i = 0; i + 1 < steps.size(); ++i)
-                block = steps[i].index >= 0 ? &block->items[static_cast<std::size_t>(steps[i].index)]
-                                            : block->find(steps[i].key);
             block->entries.clear();
             block->entries.emplace_back("plugin", std::move(value));
         } else {

@@ -212,10 +212,7 @@ public:
                  "Check the indentation and the commas; put long text in quotes or behind `|`");
         if (value.find('\0') != std::string::npos)
             fail(mark, findPath(), "the text holds a NUL character", "Remove `\\0` from it");
-        if (isKeyExpected()) {
-            addKey(mark, value, end);
-            return;
-        }
+        if (isKeyExpected()) return addKey(mark, value, end);
         checkRoot(mark, "the text " + quoteText(value));
         ConfigNode node = makeNode(mark, ConfigNode::Kind::Scalar);
         node.text = value;

@@ -369,12 +369,7 @@ JointVector toJointVector(const ConfigNode& node, int n, const NumberRange& rang
                        "must be a list of " + formatCount(n, n) +
                            ", one per joint, or a single number for all; it is " + describeNode(node),
                        "Write " + formatCount(n, n) + " in brackets, or a single one");
-    JointVector values(n);
-    detail::ErrorList errors;
-    for (int i = 0; i < n; ++i)
-        errors.collect([&] { values[i] = toNumber(node.items[static_cast<std::size_t>(i)], range); });
-    errors.throwIfAny(node.place());
-    return values;
+    return JointVector::Map(toNumbers(node, n, n, range).data(), n);
 }
 
 }  // namespace viable

@@ -26,10 +26,7 @@ const char kForms[] =
 
 enum class Kind { Uniform, LogUniform, Normal, Integer, Choice };
 
-const std::vector<std::string>& kindNames() {
-    static const std::vector<std::string> names = {"uniform", "log_uniform", "normal", "integer", "choice"};
-    return names;
-}
+const std::vector<std::string> kKindNames = {"uniform", "log_uniform", "normal", "integer", "choice"};
 
 // Written out, as the C library's last digit differs from machine to machine. Both to a few 1e-16, relative.
 
@@ -150,9 +147,8 @@ std::string findWord(const ConfigNode& node) {
     std::size_t end = 1;
     while (end < node.text.size() && isWordLetter(node.text[end])) ++end;
     const std::string word = node.text.substr(1, end - 1);
-    const auto& names = kindNames();
     const bool isCall = end < node.text.size() && node.text[end] == '(';
-    return isCall || std::find(names.begin(), names.end(), word) != names.end() ? word : "";
+    return isCall || std::find(kKindNames.begin(), kKindNames.end(), word) != kKindNames.end() ? word : "";
 }
 
 class DrawParser {
@@ -160,16 +156,15 @@ public:
     DrawParser(const ConfigNode& node, std::string word) : node_(node), word_(std::move(word)) {}
 
     Distribution parse() const {
-        const auto& names = kindNames();
-        const auto name = std::find(names.begin(), names.end(), word_);
-        if (name == names.end()) {
-            const std::string closest = findClosestName(word_, names);
+        const auto name = std::find(kKindNames.begin(), kKindNames.end(), word_);
+        if (name == kKindNames.end()) {
+            const std::string closest = findClosestName(word_, kKindNames);
             fail("`~" + word_ + "` is not a distribution",
                  (closest.empty() ? "" : "Did you mean `~" + closest + "`? ") + std::string(kForms));
         }
         const std::vector<std::string> arguments = split();
         Distribution d;
-        d.kind = static_cast<Kind>(name - names.begin());
+        d.kind = static_cast<Kind>(name - kKindNames.begin());
         if (d.kind == Kind::Choice) {
             if (arguments.size() > kMostChoices) fail("more than " + std::to_string(kMostChoices) + " choices", kForms);
             d.choices = arguments;

@@ -34,10 +34,6 @@ bool isNumeric(ParameterType type) {
            type == ParameterType::Rows || isBounds(type);
 }
 
-bool isList(ParameterType type) {
-    return type == ParameterType::Numbers || type == ParameterType::Rows;
-}
-
 /** A plain number as a number, anything else (".inf", "2*pi") as the text it is. */
 Json makeNumberOrText(const std::string& text) {
     double value = 0.0;
@@ -229,21 +225,16 @@ Json describeAsJson(const ParameterSpec& spec) {
     Json json = {{"name", getText(spec.name)},       {"type", getTypeWord(spec.type)},
                  {"unit", getText(spec.unit)},       {"required", !spec.defaultText},
                  {"default", makeJsonDefault(spec)}, {"per_joint", spec.type == ParameterType::JointNumbers}};
-    if (isNumeric(spec.type))
-        json["range"] = {{"min", makeNumberOrWord<Json>(spec.min, kFileInfinity)},
-                         {"min_is_open", spec.minIsOpen || std::isinf(spec.min)},
-                         {"max", makeNumberOrWord<Json>(spec.max, kFileInfinity)},
-                         {"max_is_open", spec.maxIsOpen || std::isinf(spec.max)},
-                         {"may_be_infinite", spec.mayBeInfinite}};
-    if (spec.type == ParameterType::Integer)
-        json["range"] = {{"min", getSmallest(spec)},
-                         {"min_is_open", false},
-                         {"max", getLargest(spec)},
-                         {"max_is_open", false},
-                         {"may_be_infinite", false}};
+    const bool isWhole = spec.type == ParameterType::Integer;
+    if (isWhole || isNumeric(spec.type))
+        json["range"] = {{"min", isWhole ? Json(getSmallest(spec)) : makeNumberOrWord<Json>(spec.min, kFileInfinity)},
+                         {"min_is_open", !isWhole && (spec.minIsOpen || std::isinf(spec.min))},
+                         {"max", isWhole ? Json(getLargest(spec)) : makeNumberOrWord<Json>(spec.max, kFileInfinity)},
+                         {"max_is_open", !isWhole && (spec.maxIsOpen || std::isinf(spec.max))},
+                         {"may_be_infinite", !isWhole && spec.mayBeInfinite}};
     if (spec.type == ParameterType::Choice) json["choices"] = splitChoices(spec.choices);
     if (const std::vector<std::string> words = getWords(spec); !words.empty()) json["words"] = words;
-    if (isList(spec.type)) {
+    if (spec.type == ParameterType::Numbers || spec.type == ParameterType::Rows) {
         json["min_count"] = spec.minCount;
         const bool isBounded = spec.maxCount < std::numeric_limits<int>::max();
         json["max_count"] = isBounded ? Json(spec.maxCount) : Json(nullptr);

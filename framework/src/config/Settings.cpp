@@ -369,11 +369,8 @@ Parameters readParameters(const ConfigNode& block, const ParameterSpec* specs, s
     Parameters parameters;
     parameters.jointCount_ = jointCount;
     ConfigNode& resolved = parameters.resolved_;
-    resolved.kind = ConfigNode::Kind::Map;
-    resolved.file = block.file;
-    resolved.line = block.line;
-    resolved.column = block.column;
-    resolved.keyPath = block.keyPath;
+    resolved = block;
+    resolved.entries.clear();
     if (plugin) resolved.entries.emplace_back("plugin", *plugin);
 
     for (std::size_t i = 0; i < count; ++i) {

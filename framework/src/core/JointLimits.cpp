@@ -133,10 +133,6 @@ void checkPosition(const LimitCheck& check, int joint, LimitSide side, double va
     }
 }
 
-}  // namespace
-
-namespace {
-
 struct KindNames {
     std::string lower, neither, upper, unit, slidingUnit;
 };
@@ -201,9 +197,8 @@ int countLimitKinds() noexcept {
 }
 
 const char* getName(LimitKind kind, LimitSide side) {
-    const auto row = static_cast<std::size_t>(kind);
     if (static_cast<int>(kind) >= countLimitKinds()) return "unknown";
-    const KindNames& names = getKinds().rows[row];
+    const KindNames& names = getKinds().rows[static_cast<std::size_t>(kind)];
     return (side == LimitSide::Lower ? names.lower : side == LimitSide::Upper ? names.upper : names.neither).c_str();
 }
 
@@ -241,25 +236,19 @@ void requireJerkLimits(const JointLimits& limits, const std::string& where, cons
 
 void checkLimits(const JointLimits& limits, double tick_s, bool allowLargeAngles, const std::string& where,
                  const std::vector<std::string>& jointNames) {
-    const struct {
-        LimitKind kind;
-        const JointBounds& bounds;
-    } groups[] = {{LimitKind::Position, limits.position},
-                  {LimitKind::Velocity, limits.velocity},
-                  {LimitKind::Acceleration, limits.acceleration},
-                  {LimitKind::Jerk, limits.jerk}};
     const int n = limits.size();
-    for (const auto& group : groups) {
-        const auto checkSize = [&](LimitSide side, const JointVector& values) {
-            if (values.size() == n) return;
+    for (const auto& [kind, bounds] : {std::pair(LimitKind::Position, &limits.position),
+                                       {LimitKind::Velocity, &limits.velocity},
+                                       {LimitKind::Acceleration, &limits.acceleration},
+                                       {LimitKind::Jerk, &limits.jerk}})
+        for (const LimitSide side : {LimitSide::Lower, LimitSide::Upper}) {
+            const JointVector& values = side == LimitSide::Lower ? bounds->lower : bounds->upper;
+            if (values.size() == n) continue;
             throw badInput(where,
-                           std::string(getName(group.kind, side)) + " has " + std::to_string(values.size()) +
+                           std::string(getName(kind, side)) + " has " + std::to_string(values.size()) +
                                " numbers; allowed is " + std::to_string(n) + ", one per joint",
                            "Write one number per joint, or a single one for all");
-        };
-        checkSize(LimitSide::Lower, group.bounds.lower);
-        checkSize(LimitSide::Upper, group.bounds.upper);
-    }
+        }
     if (!(tick_s > 0.0) || !std::isfinite(tick_s))
         throw badInput(where, "the tick is " + formatNumber(tick_s) + " s; allowed is (0, inf)",
                        "Set `tick_s` to a positive time such as 0.001");

@@ -74,9 +74,7 @@ std::string join(const std::vector<std::string>& items, const char* separator) {
 }
 
 std::string quoteDoubled(std::string_view text) {
-    std::string quoted = "\"";
-    for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-    return quoted + '"';
+    return '"' + replaceAll(std::string(text), "\"", "\"\"") + '"';
 }
 
 std::string quoteCsv(std::string_view text) {
@@ -100,9 +98,7 @@ std::string quoteForShell(const std::string& text) {
         return std::isalnum(c) != 0 || std::string_view("_-./+=:,@%").find(static_cast<char>(c)) != std::string::npos;
     };
     if (!text.empty() && std::all_of(text.begin(), text.end(), isPlain)) return text;
-    std::string quoted = "'";
-    for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return quoted + "'";
+    return "'" + replaceAll(text, "'", "'\\''") + "'";
 }
 
 }  // namespace detail

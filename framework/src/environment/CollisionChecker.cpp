@@ -112,10 +112,6 @@ double calcSegmentDistance(const Segment& first, const Segment& second) {
     return least;
 }
 
-Eigen::AlignedBox3d boxAround(const Segment& segment) {
-    return {segment.a.cwiseMin(segment.b), segment.a.cwiseMax(segment.b)};
-}
-
 }  // namespace
 
 struct CollisionChecker::Scene {
@@ -142,7 +138,7 @@ double CollisionChecker::Scene::calcArmReach() const {
     for (std::size_t j = 0; j < reach.size(); ++j) {
         const JointDescription& joint = robot.joints[j];
         reach[j] = joint.placement.translation().norm();
-        if (joint.parent >= 0) reach[j] += reach[static_cast<std::size_t>(joint.parent)];
+        if (joint.parent >= 0) reach[j] += reach[joint.parent];
         if (joint.type != JointType::Prismatic) continue;
         const JointBounds& position = robot.limits.position;
         const auto index = static_cast<Eigen::Index>(j);
@@ -152,7 +148,7 @@ double CollisionChecker::Scene::calcArmReach() const {
     }
     double most = 0.0;
     for (const LinkCapsule& capsule : geometry.capsules)
-        most = std::max(most, (capsule.carrier < 0 ? 0.0 : reach[static_cast<std::size_t>(capsule.carrier)]) +
+        most = std::max(most, (capsule.carrier < 0 ? 0.0 : reach[capsule.carrier]) +
                                   std::max(capsule.a.norm(), capsule.b.norm()) + capsule.radius);
     return most;
 }
@@ -170,7 +166,7 @@ void CollisionChecker::Scene::readMap() {
 }
 
 Eigen::Isometry3d CollisionChecker::Scene::calcMotion(int index, double q) const {
-    const JointDescription& joint = robot.joints[static_cast<std::size_t>(index)];
+    const JointDescription& joint = robot.joints[index];
     Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
     if (joint.type == JointType::Prismatic)
         motion.translation() = q * joint.axis;
@@ -183,9 +179,9 @@ Eigen::Isometry3d CollisionChecker::Scene::calcMotion(int index, double q) const
 std::vector<Segment> CollisionChecker::Scene::placeCapsules(const JointVector& q) const {
     std::vector<Eigen::Isometry3d> frames;
     for (int j = 0; j < robot.size(); ++j) {
-        const int parent = robot.joints[static_cast<std::size_t>(j)].parent;
+        const int parent = robot.joints[j].parent;
         const Eigen::Isometry3d motion = calcMotion(j, q[j]);
-        frames.push_back(parent < 0 ? motion : frames[static_cast<std::size_t>(parent)] * motion);
+        frames.push_back(parent < 0 ? motion : frames[parent] * motion);
     }
     std::vector<Segment> segments;
     for (const LinkCapsule& capsule : geometry.capsules) {
@@ -193,7 +189,7 @@ std::vector<Segment> CollisionChecker::Scene::placeCapsules(const JointVector& q
             segments.push_back({capsule.a, capsule.b});
             continue;
         }
-        const Eigen::Isometry3d& frame = frames[static_cast<std::size_t>(capsule.carrier)];
+        const Eigen::Isometry3d& frame = frames[capsule.carrier];
         segments.push_back({frame * capsule.a, frame * capsule.b});
     }
     return segments;
@@ -223,7 +219,7 @@ double CollisionChecker::Scene::calcSolidDistance(std::size_t index, const Segme
 
 double CollisionChecker::Scene::calcMapDistance(const Segment& segment, double cutoff) const {
     const Segment local{toMap * segment.a, toMap * segment.b};
-    const Eigen::AlignedBox3d box = boxAround(local);
+    const Eigen::AlignedBox3d box(local.a.cwiseMin(local.b), local.a.cwiseMax(local.b));
     double best = cutoff;
     const auto look = [&](const OccupancyMap::Cell& cell) {
         const Segment fromCell{local.a - cell.centre, local.b - cell.centre};
@@ -263,11 +259,9 @@ CollisionChecker::Contact CollisionChecker::findContact(const JointVector& q, do
     const std::vector<LinkCapsule>& capsules = scene.geometry.capsules;
 
     for (const auto& [i, j] : scene.geometry.pairs) {
-        const auto first = static_cast<std::size_t>(i), second = static_cast<std::size_t>(j);
-        const double distance =
-            calcSegmentDistance(segments[first], segments[second]) - capsules[first].radius - capsules[second].radius;
+        const double distance = calcSegmentDistance(segments[i], segments[j]) - capsules[i].radius - capsules[j].radius;
         if (!(distance >= contact.distance))  // what is NaN is no clearance
-            contact = {distance, capsules[first].link, -1, capsules[second].link};
+            contact = {distance, capsules[i].link, -1, capsules[j].link};
     }
     std::vector<Eigen::Vector3d> centres;
     for (const MovingSphere& sphere : scene.environment.spheres) centres.push_back(sphere.calcCentre(t));

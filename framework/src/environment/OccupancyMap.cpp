@@ -305,11 +305,9 @@ void OccupancyMap::forEachSolidCell(const Eigen::Vector3d& lower, const Eigen::V
     // Space beyond the tree is unknown, too: cubes as large as the tree's, side by side.
     const Eigen::Array3d first = (lower.array() / (2.0 * half) + 0.5).floor();
     const Eigen::Array3d last = (upper.array() / (2.0 * half) + 0.5).floor();
-    if (first.abs().maxCoeff() > kMostCubes || last.abs().maxCoeff() > kMostCubes) {
-        // Farther away than any map: nothing is known, and a count of cubes has no meaning.
-        visit({0.5 * (lower + upper), (upper - lower).maxCoeff()});
-        return;
-    }
+    // Farther away than any map nothing is known, and a count of cubes has no meaning.
+    if (first.abs().maxCoeff() > kMostCubes || last.abs().maxCoeff() > kMostCubes)
+        return visit({0.5 * (lower + upper), (upper - lower).maxCoeff()});
     for (double x = first[0]; x <= last[0]; ++x)
         for (double y = first[1]; y <= last[1]; ++y)
             for (double z = first[2]; z <= last[2]; ++z) {

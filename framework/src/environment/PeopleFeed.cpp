@@ -10,7 +10,7 @@ namespace {
 bool isUsable(const PersonObservation& seen) {
     if (!std::isfinite(seen.stamp_s) || seen.count < 1 || seen.count > kMaxPersonCapsules) return false;
     for (int k = 0; k < seen.count; ++k) {
-        const PersonCapsule& capsule = seen.capsules[static_cast<std::size_t>(k)];
+        const PersonCapsule& capsule = seen.capsules[k];
         const bool isNear = capsule.a.cwiseAbs().maxCoeff() <= kFarthestPerson_m &&
                             capsule.b.cwiseAbs().maxCoeff() <= kFarthestPerson_m;
         if (!(capsule.a.allFinite() && capsule.b.allFinite() && isNear)) return false;

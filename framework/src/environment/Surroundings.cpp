@@ -282,11 +282,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t, c
     }
     if (field_ && !isLeftOut(size() - 1)) {
         Eigen::Vector3d gradient;
-        double distance;
-        if constexpr (kWithGradient)
-            distance = field_->calcDistance(p, gradient);
-        else
-            distance = field_->calcDistance(p);
+        const double distance = kWithGradient ? field_->calcDistance(p, gradient) : field_->calcDistance(p);
         if (distance < best) {
             best = distance;
             nearest.obstacle = size() - 1;
@@ -320,7 +316,7 @@ Surroundings::Nearest Surroundings::findNearest(const Eigen::Vector3d& p, double
 
 bool Surroundings::LeftOut::add(int obstacle) {
     if (count == static_cast<int>(obstacles.size())) return false;
-    obstacles[static_cast<std::size_t>(count++)] = obstacle;
+    obstacles[count++] = obstacle;
     return true;
 }
 

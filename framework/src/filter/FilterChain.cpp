@@ -44,7 +44,7 @@ void FilterChain::reset(const MotionState& start) {
 FilterTraits FilterChain::traits() const {
     const FilterTraits last = links_.back().filter->traits();
     if (guaranteeing_ < 0) return last;
-    FilterTraits traits = links_[static_cast<std::size_t>(guaranteeing_)].filter->traits();
+    FilterTraits traits = links_[guaranteeing_].filter->traits();
     // What comes behind may change a decision within the limits of the joints, which the monitor sees to. Of all other
     // limits only the last filter's word holds: its decision, or the one that it passes, is the arm's.
     traits.guarantees = LimitSet::joints() | last.guarantees;

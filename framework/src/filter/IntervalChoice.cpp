@@ -15,15 +15,11 @@ FilterStatus IntervalChoice::choose(const JointMatrix& M, const JointVector& des
     target_ = desired.cwiseMax(reach_.lower).cwiseMin(reach_.upper);
     qp_.solve(M, target_, lower_, upper_, chosen);
     for (int i = 0; i < n; ++i) {
-        joints[i].limit = LimitKind::None;
-        joints[i].side = LimitSide::Neither;
-        if (chosen[i] >= upper_[i] && desired[i] > upper_[i]) {
-            joints[i].limit = intervals[i].upperLimit;
-            joints[i].side = LimitSide::Upper;
-        } else if (chosen[i] <= lower_[i] && desired[i] < lower_[i]) {
-            joints[i].limit = intervals[i].lowerLimit;
-            joints[i].side = LimitSide::Lower;
-        }
+        joints[i] = {};
+        if (chosen[i] >= upper_[i] && desired[i] > upper_[i])
+            joints[i] = {intervals[i].upperLimit, LimitSide::Upper};
+        else if (chosen[i] <= lower_[i] && desired[i] < lower_[i])
+            joints[i] = {intervals[i].lowerLimit, LimitSide::Lower};
     }
     return chosen == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }

@@ -135,16 +135,9 @@ FilterStatus JointBraking::findDesired(const FilterInput& input) {
 }
 
 const JointMatrix* JointBraking::findMetric(const Dynamics& dynamics) {
-    switch (objective_) {
-        case Objective::Torque:
-            return &dynamics.M;
-        case Objective::Joint:
-            return &metric_;
-        case Objective::Path:
-            return nullptr;
-        case Objective::Tool:
-            break;
-    }
+    if (objective_ == Objective::Torque) return &dynamics.M;
+    if (objective_ == Objective::Joint) return &metric_;
+    if (objective_ == Objective::Path) return nullptr;
     // The triangular factor of W'W, W = [S J; share of M].
     ToolJacobian weighted = dynamics.J;
     weighted.bottomRows<3>() *= leverArm_m_;
@@ -160,7 +153,7 @@ const JointMatrix* JointBraking::findMetric(const Dynamics& dynamics) {
 void JointBraking::decide(const JointVector& jerk, FilterDecision& decision) const {
     decision.holdJerk(jerk);
     decision.hasStops = true;
-    for (int i = 0; i < n_; ++i) decision.stops[static_cast<std::size_t>(i)] = braking_.stop(i);
+    for (int i = 0; i < n_; ++i) decision.stops[i] = braking_.stop(i);
 }
 
 }  // namespace viable::detail

@@ -9,10 +9,7 @@ namespace viable {
 
 namespace {
 
-struct ModeBit {
-    std::uint64_t mask;
-    const char* name;
-};
+using ModeBit = std::pair<std::uint64_t, const char*>;
 
 #if defined(__SSE__)
 std::uint64_t readControl() {
@@ -69,8 +66,8 @@ const char* FloatingPointGuard::findChange(std::uint64_t modes) {
     const std::uint64_t changed = readControl() ^ modes;
     if (changed == 0) return nullptr;
     if (changed & kRounding) return "the rounding mode";
-    for (const ModeBit& mode : kModes)
-        if (changed & mode.mask) return mode.name;
+    for (const auto& [mask, name] : kModes)
+        if (changed & mask) return name;
     return "which floating point exceptions trap";
 }
 
@@ -84,10 +81,9 @@ std::string FloatingPointGuard::describeChange() const {
     const auto add = [&](const std::string& part) { detail::addItem(text, part); };
     const std::uint64_t changed = readControl() ^ control_;
     std::uint64_t named = kRounding;
-    for (const ModeBit& mode : kModes) {
-        named |= mode.mask;
-        if (changed & mode.mask)
-            add(std::string(mode.name) + (control_ & mode.mask ? " switched off" : " switched on"));
+    for (const auto& [mask, name] : kModes) {
+        named |= mask;
+        if (changed & mask) add(std::string(name) + (control_ & mask ? " switched off" : " switched on"));
     }
     if (std::fegetround() != rounding_ || (changed & kRounding))
         add(std::string("rounding ") + getRoundingName(std::fegetround()) + " instead of " +

@@ -318,20 +318,16 @@ void checkTable(const PluginLibrary* library) {
             rebuild};
     // The version stands in the same place in every version; all behind it may have moved.
     constexpr std::size_t kVersionEnd = offsetof(PluginLibrary, stamp) + sizeof(std::uint32_t);
-    if (library->size >= kVersionEnd && library->stamp.interfaceVersion != kPluginInterfaceVersion)
-        throw Refusal{"its plugin interface version is " + std::to_string(library->stamp.interfaceVersion) +
-                          ", viable's " + std::to_string(kPluginInterfaceVersion),
-                      rebuild};
-    if (library->size != sizeof(PluginLibrary))
-        throw Refusal{"its table has " + std::to_string(library->size) + " bytes, viable's " +
-                          std::to_string(sizeof(PluginLibrary)),
-                      rebuild};
+    const auto compare = [&](const std::string& what, std::uint64_t theirs, const char* unit, std::uint64_t ours) {
+        if (theirs != ours)
+            throw Refusal{what + " " + std::to_string(theirs) + unit + ", viable's " + std::to_string(ours), rebuild};
+    };
+    if (library->size >= kVersionEnd)
+        compare("its plugin interface version is", library->stamp.interfaceVersion, "", kPluginInterfaceVersion);
+    compare("its table has", library->size, " bytes", sizeof(PluginLibrary));
     const std::vector<std::string> differences = describeDifferences(library->stamp, makeAbiStamp());
     if (!differences.empty()) throw Refusal{join(differences, "; "), ""};
-    if (library->entrySize != sizeof(PluginEntry))
-        throw Refusal{"an entry of its table has " + std::to_string(library->entrySize) + " bytes, viable's " +
-                          std::to_string(sizeof(PluginEntry)),
-                      rebuild};
+    compare("an entry of its table has", library->entrySize, " bytes", sizeof(PluginEntry));
     if (library->entries == nullptr || library->entryCount == 0)
         throw Refusal{"its table has no entries", "Use VIABLE_PLUGIN() to export the plugin"};
     if (library->entryCount > kMaxEntries)

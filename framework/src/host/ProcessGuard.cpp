@@ -40,7 +40,7 @@ std::string readLocale() {
 class SharedState {
 public:
     SharedState() : folder_(::open(".", O_PATH | O_DIRECTORY | O_CLOEXEC)), locale_(readLocale()) {
-        for (int signal = 1; signal < NSIG; ++signal) actions_[static_cast<std::size_t>(signal)] = readAction(signal);
+        for (int signal = 1; signal < NSIG; ++signal) actions_[signal] = readAction(signal);
     }
     ~SharedState() {
         if (folder_ >= 0) ::close(folder_);
@@ -66,7 +66,7 @@ public:
             detail::addItem(text, "the working folder (to " + name + (isBack ? ")" : ", and there is no way back)"));
         }
         for (int signal = 1; signal < NSIG; ++signal) {
-            const auto& action = actions_[static_cast<std::size_t>(signal)];
+            const auto& action = actions_[signal];
             const auto is = readAction(signal);
             if (!action || !is || isSame(*action, *is)) continue;
             sigaction(signal, &*action, nullptr);

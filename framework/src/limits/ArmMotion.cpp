@@ -9,7 +9,7 @@ ArmMotion::ArmMotion(const RobotDescription& robot, const JointVector& q, const 
     for (std::size_t i = 0; i < robot.joints.size(); ++i) {
         const JointDescription& joint = robot.joints[i];
         const auto at = static_cast<Eigen::Index>(i);
-        const Frame base = joint.parent < 0 ? Frame() : frames_[static_cast<std::size_t>(joint.parent)];
+        const Frame base = joint.parent < 0 ? Frame() : frames_[joint.parent];
         Frame& frame = frames_[i];
         frame = base;
         frame.pose = base.pose * joint.placement;
@@ -24,7 +24,7 @@ ArmMotion::ArmMotion(const RobotDescription& robot, const JointVector& q, const 
 }
 
 ArmMotion::Part ArmMotion::place(const LinkCapsule& capsule) const {
-    const Frame& frame = frames_[static_cast<std::size_t>(capsule.carrier)];
+    const Frame& frame = frames_[capsule.carrier];
     Part part{frame.pose * capsule.a, frame.pose * capsule.b, 0.0};
     const double rate = frame.turning.norm();
     for (const Eigen::Vector3d* end : {&part.a, &part.b}) {

@@ -36,7 +36,7 @@ LimitSample ClearanceLimit::sample(const ArmSample& arm) {
     found.value = kInfinity;
     if (contact.distance >= horizon) return found;
     const auto name = [](const std::vector<std::string>& names, int index) {
-        return index < 0 ? "" : names[static_cast<std::size_t>(index)].c_str();
+        return index < 0 ? "" : names[index].c_str();
     };
     found.value = contact.distance;
     found.isBroken = contact.distance < -kClearanceRounding_m;

@@ -47,7 +47,7 @@ struct RowTable {
     std::atomic<const LimitRow*>& at(LimitKind kind) {
         VIABLE_CHECK(kind >= kFirstArmLimit && static_cast<int>(kind) < kMostLimitKinds,
                      "a kind of limit that is not of the whole arm has no row");
-        return rows[static_cast<std::size_t>(static_cast<int>(kind) - kFirst)];
+        return rows[static_cast<int>(kind) - kFirst];
     }
 
     std::array<std::atomic<const LimitRow*>, kMostLimitKinds - kFirst> rows{};

@@ -32,8 +32,7 @@ PointSpeedLimit::PointSpeedLimit(RobotDescription robot, const ArmGeometry* geom
     const SpeedLimits& limits = robot_.speedLimits;
     if (geometry && limits.needsCapsules())
         for (const LinkCapsule& capsule : geometry->capsules)
-            if (capsule.carrier >= 0)
-                parts_.push_back({geometry->links[static_cast<std::size_t>(capsule.link)], capsule, limits.arm, true});
+            if (capsule.carrier >= 0) parts_.push_back({geometry->links[capsule.link], capsule, limits.arm, true});
     if (std::isfinite(limits.tool)) {
         const Eigen::Vector3d origin = robot_.toolPlacement.translation();
         parts_.push_back({"tool", {-1, robot_.toolParent, origin, origin, 0.0}, limits.tool, false});

@@ -20,7 +20,7 @@ public:
         int part = -1;  ///< that has the largest share
     };
     Fastest find(const JointVector& q, const JointVector& qd) const;
-    const std::string& partName(int part) const { return parts_[static_cast<std::size_t>(part)].name; }
+    const std::string& partName(int part) const { return parts_[part].name; }
 
 private:
     struct Part {

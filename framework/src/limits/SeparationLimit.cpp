@@ -79,7 +79,7 @@ SeparationLimit::SeparationLimit(RobotDescription robot, const ArmGeometry& geom
     for (const LinkCapsule& capsule : geometry.capsules) {
         if (capsule.carrier < 0) continue;
         capsules_.push_back(capsule);
-        names_.push_back(geometry.links[static_cast<std::size_t>(capsule.link)]);
+        names_.push_back(geometry.links[capsule.link]);
     }
     isExcused_.resize(people_.size(), 0);
 }
@@ -98,7 +98,7 @@ SeparationLimit::Sample SeparationLimit::find(const JointVector& q, const JointV
             if (person.kind != PersonObservation::Kind::Seen) continue;
             const bool isFast = speed > std::max(rest, people_[p].contactSpeed * (1.0 + kSpeedRounding));
             for (int j = 0; j < person.count; ++j) {
-                const PersonCapsule& body = person.capsules[static_cast<std::size_t>(j)];
+                const PersonCapsule& body = person.capsules[j];
                 const double roughly =
                     (middle - (body.a + body.b) / 2.0).norm() - half - body.radius - (body.b - body.a).norm() / 2.0;
                 if (roughly > 0.0 && (!isFast || roughly >= found.protective)) continue;
@@ -142,8 +142,8 @@ LimitSample SeparationLimit::sample(const ArmSample& arm) {
     found.isNear = close.touches;
     found.largest = close.fastestTouch;
     if (close.part < 0) return found;
-    found.part = names_[static_cast<std::size_t>(close.part)].c_str();
-    found.other = people_[static_cast<std::size_t>(close.person)].name.c_str();
+    found.part = names_[close.part].c_str();
+    found.other = people_[close.person].name.c_str();
     return found;
 }
 
@@ -155,9 +155,7 @@ std::vector<std::pair<std::string, double>> SeparationLimit::allowances() const 
 }
 
 const char* SeparationLimit::otherName(int index) const {
-    return index < 0 || index >= static_cast<int>(people_.size())
-               ? ""
-               : people_[static_cast<std::size_t>(index)].name.c_str();
+    return index < 0 || index >= static_cast<int>(people_.size()) ? "" : people_[index].name.c_str();
 }
 
 namespace {

@@ -123,9 +123,7 @@ bool setLimit(TickRecord& record, int joint, std::string_view word) {
         for (const LimitSide side : {LimitSide::Neither, LimitSide::Lower, LimitSide::Upper}) {
             if (kind != LimitKind::None && side == LimitSide::Neither) continue;
             if (word != getName(kind, side)) continue;
-            JointIntervention& intervention = record.joints[static_cast<std::size_t>(joint)];
-            intervention.limit = kind;
-            intervention.side = side;
+            record.joints[joint] = {kind, side};
             return true;
         }
     }
@@ -225,6 +223,14 @@ std::vector<LogChannel> declareChannels() {
     const std::vector<std::string> orientation = {"tool.qx", "tool.qy", "tool.qz", "tool.qw"};
     const std::vector<std::string> velocity = {"tool.vx_mps", "tool.vy_mps", "tool.vz_mps"};
     const std::vector<std::string> rotation = {"tool.wx_radps", "tool.wy_radps", "tool.wz_radps"};
+    const auto motion = [](const char* name, const char* message, auto isLogged, auto state) {
+        const auto q = [state](auto& r) -> decltype(auto) { return (state(r).q); };
+        const auto qd = [state](auto& r) -> decltype(auto) { return (state(r).qd); };
+        return LogChannel{name, message, isLogged, {perJoint("q_rad", q), perJoint("qd_radps", qd)}};
+    };
+    const auto torque = [](const char* name, const char* message, auto isLogged, auto access) {
+        return LogChannel{name, message, isLogged, {perJoint("tau_Nm", access)}};
+    };
     return {
         {"nominal",
          "Nominal",
@@ -237,20 +243,9 @@ std::vector<LogChannel> declareChannels() {
                   [](auto& r, int i) -> decltype(auto) { return (r.tool.position[i]); }),
           numbers("tool_orientation_xyzw", LogKind::Vector, orientation,
                   [](auto& r, int i) -> decltype(auto) { return (r.tool.orientation.coeffs()[i]); })}},
-        {"real",
-         "Real",
-         withRealPlant,
-         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.real.q); }),
-          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.real.qd); })}},
-        {"actual",
-         "Actual",
-         withRealPlant,
-         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.actual.q); }),
-          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.actual.qd); })}},
-        {"desired",
-         "Desired",
-         always,
-         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.desiredTorque); })}},
+        motion("real", "Real", withRealPlant, [](auto& r) -> decltype(auto) { return (r.real); }),
+        motion("actual", "Actual", withRealPlant, [](auto& r) -> decltype(auto) { return (r.actual); }),
+        torque("desired", "Desired", always, [](auto& r) -> decltype(auto) { return (r.desiredTorque); }),
         {"filter",
          "Filter",
          always,
@@ -258,30 +253,23 @@ std::vector<LogChannel> declareChannels() {
           text(
               "active", LogKind::JointName,
               [](const TickRecord& r, int i) {
-                  const JointIntervention& joint = r.joints[static_cast<std::size_t>(i)];
+                  const JointIntervention& joint = r.joints[i];
                   return getName(joint.limit, joint.side);
               },
               setLimit),
           perJoint("tau_removed_Nm", [](auto& r) -> decltype(auto) { return (r.removedTorque); }),
           numbers("margin_rad", LogKind::JointNumber, {},
-                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].margin); }),
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[i].margin); }),
           numbers("stop_s", LogKind::JointNumber, {},
-                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].duration_s); }),
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[i].duration_s); }),
           numbers("rest_rad", LogKind::JointNumber, {},
-                  [](auto& r, int i) -> decltype(auto) { return (r.stops[static_cast<std::size_t>(i)].rest); })}},
+                  [](auto& r, int i) -> decltype(auto) { return (r.stops[i].rest); })}},
         {"limits", "Limits", always, declareLimits(), true},
-        {"robust",
-         "Robust",
-         withRealPlant,
-         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.robustTorque); })}},
-        {"motor",
-         "Motor",
-         withRealPlant,
-         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.motorTorque); })}},
-        {"external",
-         "External",
-         [](const LogLayout& l) { return l.hasExternalTorque; },
-         {perJoint("tau_Nm", [](auto& r) -> decltype(auto) { return (r.externalTorque); })}},
+        torque("robust", "Robust", withRealPlant, [](auto& r) -> decltype(auto) { return (r.robustTorque); }),
+        torque("motor", "Motor", withRealPlant, [](auto& r) -> decltype(auto) { return (r.motorTorque); }),
+        torque(
+            "external", "External", [](const LogLayout& l) { return l.hasExternalTorque; },
+            [](auto& r) -> decltype(auto) { return (r.externalTorque); }),
         {"contact",
          "Contact",
          [](const LogLayout& l) { return l.hasContact; },
@@ -303,11 +291,9 @@ std::vector<LogChannel> declareChannels() {
           numbers("asked_N", LogKind::Number, {}, [](auto& r, int) -> decltype(auto) { return (r.touch.asked); }),
           numbers("normal", LogKind::Vector, {"normal.x", "normal.y", "normal.z"},
                   [](auto& r, int i) -> decltype(auto) { return (r.touch.normal[i]); })}},
-        {"command",
-         "JointCommand",
-         [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Joint; },
-         {perJoint("q_rad", [](auto& r) -> decltype(auto) { return (r.command.q); }),
-          perJoint("qd_radps", [](auto& r) -> decltype(auto) { return (r.command.qd); })}},
+        motion(
+            "command", "JointCommand", [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Joint; },
+            [](auto& r) -> decltype(auto) { return (r.command); }),
         {"command",
          "ToolCommand",
          [](const LogLayout& l) { return l.commandSpace == MotionCommand::Space::Tool; },

@@ -90,8 +90,8 @@ void LogSeries::makeRoom() noexcept {
     for (; all + limit_ / kFiles > limit_ && oldest_ <= static_cast<int>(sizes_.size()); ++oldest_) {
         std::error_code error;
         std::filesystem::remove(nameFile(file_, oldest_), error);
-        all -= sizes_[static_cast<std::size_t>(oldest_ - 1)];
-        sizes_[static_cast<std::size_t>(oldest_ - 1)] = 0;
+        all -= sizes_[oldest_ - 1];
+        sizes_[oldest_ - 1] = 0;
     }
 }
 

@@ -211,13 +211,6 @@ struct LogWriter::Impl {
                                attachment.mediaType});
     }
 
-    /** Between the chunks: before the one that is being filled. */
-    void attach(const LogAttachment& attachment) {
-        ByteWriter out;
-        putAttachment(attachment, out);
-        send(out.bytes);
-    }
-
     void append(const TickRecord& record) {
         const std::uint64_t time = toLogTime(record.time_s);
         if (chunkRows > 0 && (time >= chunkFirst + static_cast<std::uint64_t>(kLongestChunk_s * 1e9) ||
@@ -443,7 +436,11 @@ void LogWriter::append(const TickRecord& record) noexcept {
 
 void LogWriter::attach(const LogAttachment& attachment) noexcept {
     if (impl_->finished || !impl_->status.ok()) return;
-    impl_->guard([&] { impl_->attach(attachment); });
+    impl_->guard([&] {  // between the chunks: before the one that is being filled
+        ByteWriter out;
+        impl_->putAttachment(attachment, out);
+        impl_->send(out.bytes);
+    });
 }
 
 void LogWriter::finish() noexcept {

@@ -128,12 +128,6 @@ public:
     std::uint16_t readU16() { return readInteger<std::uint16_t>(); }
     std::uint32_t readU32() { return readInteger<std::uint32_t>(); }
     std::uint64_t readU64() { return readInteger<std::uint64_t>(); }
-    double readDouble() {
-        const std::uint64_t bits = readU64();
-        double v;
-        std::memcpy(&v, &bits, sizeof(v));
-        return v;
-    }
     std::string_view readString() { return take(readU32()); }
     std::map<std::string, std::string> readMap() {
         ByteReader entries(take(readU32()));

@@ -1,7 +1,5 @@
 #include "loop/Authority.h"
 
-#include <algorithm>
-
 #include "core/Text.h"
 #include "tracking/InertiaSample.h"
 
@@ -85,49 +83,29 @@ void Authority::widen(const JointLimits& limits) {
     fastest_.upper = fastest_.upper.cwiseMax(limits.velocity.upper);
 }
 
-/** By the robot's description [Nm]; `speed` >= 0. */
-double Authority::calcFigure(int joint, double speed) const {
-    return figures_.coulomb[joint] + figures_.calcViscous(joint, speed);
-}
-
-double Authority::calcRest(int joint) const {
-    return sizes_.reach[joint] + calcFriction(joint, 0.0);
-}
-
-double Authority::calcHold(int joint) const {
-    return sizes_.friction > 0.0 ? kFrictionFactor * figures_.coulomb[joint] : kPressing * sizes_.reach[joint];
-}
-
-/** Of what lasted, what may be added beside `reach` [Nm]. */
-double Authority::calcLasting(int joint) const {
-    return std::clamp(lasting_[joint], -sizes_.lasting[joint], sizes_.lasting[joint]);
-}
-
 void Authority::update(const MotionState& nominal, JointState& real) {
     const double share = std::min(1.0, tick_s_ / kVelocity_s);
     for (int i = 0; i < n_; ++i) {
-        const std::size_t at = index(i);
         const double error = real.q[i] - nominal.q[i];
         velocity_[i] += share * (std::clamp(real.qd[i], fastest_.lower[i], fastest_.upper[i]) - velocity_[i]);
         const double lasting = calcLasting(i);
         highest_[i] = lasting + calcFriction(i, std::max(0.0, velocity_[i])) + sizes_.reach[i];
         lowest_[i] = lasting - calcFriction(i, std::max(0.0, -velocity_[i])) - sizes_.reach[i];
-        isNear_[at] = true;
+        isNear_[i] = true;
         const double kp = sizes_.kp[i];
-        if (!isHeld_[at] || !(kp > 0.0)) continue;
+        if (!isHeld_[i] || !(kp > 0.0)) continue;
         const double behind = std::max(0.0, kFastReturn * fastest_.upper[i] - nominal.qd[i]) / kp;
         const double ahead = std::max(0.0, nominal.qd[i] - kFastReturn * fastest_.lower[i]) / kp;
-        isNear_[at] = error >= -behind && error <= ahead;
-        if (!isNear_[at]) real.q[i] = nominal.q[i] + std::clamp(error, -behind, ahead);
+        isNear_[i] = error >= -behind && error <= ahead;
+        if (!isNear_[i]) real.q[i] = nominal.q[i] + std::clamp(error, -behind, ahead);
     }
 }
 
 bool Authority::cut(const JointVector& nominal, JointVector& torque) {
     bool isChanged = false;
     for (int i = 0; i < n_; ++i) {
-        const std::size_t at = index(i);
         const double wanted = torque[i];
-        if (isOpen_[at]) {
+        if (isOpen_[i]) {
             torque[i] = calcOpen(i);
             isChanged = true;
             continue;
@@ -137,18 +115,18 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
                      lowest = lowest_[i] - std::max(0.0, beyondMotor);
         const double given = torque[i] = std::clamp(wanted, lowest, highest);
         const int side = wanted > given ? 1 : wanted < given ? -1 : 0;
-        cutTicks_[at] = side == 0 ? 0 : side == cutSide_[at] ? cutTicks_[at] + 1 : 1;
-        cutSide_[at] = side;
+        cutTicks_[i] = side == 0 ? 0 : side == cutSide_[i] ? cutTicks_[i] + 1 : 1;
+        cutSide_[i] = side;
         // What lasted against it may have been friction, which now acts the other way.
         const double turning = std::min(calcHold(i), std::max(0.0, given > 0.0 ? -calcLasting(i) : calcLasting(i)));
         const double push = given > 0.0 ? given - highest_[i] : lowest_[i] - given;
-        isPressing_[at] = push + sizes_.reach[i] > turning + kPressing * sizes_.reach[i];
+        isPressing_[i] = push + sizes_.reach[i] > turning + kPressing * sizes_.reach[i];
         if (side != 0) {
             isChanged = true;
-            isHeld_[at] = isHeld_[at] || cutTicks_[at] >= heldTicks_;  // noise is cut, too, but not for long
+            isHeld_[i] = isHeld_[i] || cutTicks_[i] >= heldTicks_;  // noise is cut, too, but not for long
             continue;
         }
-        isHeld_[at] = isHeld_[at] && !isNear_[at];
+        isHeld_[i] = isHeld_[i] && !isNear_[i];
         const double speed = std::abs(velocity_[i]);
         const double friction = std::tanh(speed / kStandstill) * calcFigure(i, speed);
         const double needed = given - std::copysign(friction, velocity_[i]);
@@ -162,7 +140,7 @@ bool Authority::cut(const JointVector& nominal, JointVector& torque) {
 
 void Authority::add(const JointVector& push, JointVector& torque) const {
     for (int i = 0; i < n_; ++i) {
-        if (isOpen_[index(i)]) continue;
+        if (isOpen_[i]) continue;
         torque[i] = std::clamp(torque[i] + push[i], std::min(lowest_[i], torque[i]), std::max(highest_[i], torque[i]));
     }
 }
@@ -170,8 +148,8 @@ void Authority::add(const JointVector& push, JointVector& torque) const {
 /** d, and on the way there what is left of the torque before, down from it in wayTicks_; the impulse as a triangle over all of
 it. */
 double Authority::calcOpen(int joint) {
-    int& tick = backTick_[index(joint)];
-    const int ticks = backTicks_[index(joint)];
+    int& tick = backTick_[joint];
+    const int ticks = backTicks_[joint];
     if (tick >= ticks) return lasting_[joint];
     const double half = 0.5 * ticks, k = ++tick;
     const double weight = (k <= half ? k : ticks - k) / (half * half);
@@ -183,15 +161,14 @@ double Authority::calcOpen(int joint) {
 void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill,
                      const JointVector& inertia) {
     for (int i = 0; i < n_; ++i) {
-        const std::size_t at = index(i);
         last_[i] = torque[i];
-        hasAdded_[at] = hasAdded_[at] || torque[i] != 0.0;
-        if (!isStill[at]) {
+        hasAdded_[i] = hasAdded_[i] || torque[i] != 0.0;
+        if (!isStill[i]) {
             pushedMomentum_[i] = impliedMomentum_[i] = impliedTravel_[i] = 0.0;
-            pressedTicks_[at] = 0;
+            pressedTicks_[i] = 0;
             continue;
         }
-        pressedTicks_[at] = isPressing_[at] ? pressedTicks_[at] + 1 : 0;
+        pressedTicks_[i] = isPressing_[i] ? pressedTicks_[i] + 1 : 0;
         // What lasted may be gone since. Dry friction stops the joint where it can, and takes its most from one that moves.
         const double beyond = torque[i] - std::clamp(torque[i], std::min(0.0, lasting_[i]), std::max(0.0, lasting_[i]));
         const auto push = [&](double& momentum, double hold) {
@@ -206,11 +183,10 @@ void Authority::take(const JointVector& torque, const std::array<bool, kMaxJoint
 }
 
 void Authority::open(int joint, bool isInVain) {
-    const std::size_t at = index(joint);
-    if (isOpen_[at]) return;
-    isOpen_[at] = true;
-    isHeld_[at] = isPressing_[at] = false;
-    cutTicks_[at] = pressedTicks_[at] = backTick_[at] = 0;
+    if (isOpen_[joint]) return;
+    isOpen_[joint] = true;
+    isHeld_[joint] = isPressing_[joint] = false;
+    cutTicks_[joint] = pressedTicks_[joint] = backTick_[joint] = 0;
     excess_[joint] = last_[joint] - lasting_[joint];
     // A triangle of 2 `half` ticks has the peak owed / half. What the way down pushes beyond friction is owed, too.
     double owed = isInVain ? pushedMomentum_[joint] / tick_s_ : 0.0;
@@ -222,7 +198,7 @@ void Authority::open(int joint, bool isInVain) {
     const double half = std::floor(most > 0.0 ? std::clamp(std::ceil(std::abs(owed) / most), 1.0 * wayTicks_, longest)
                                               : 1.0 * wayTicks_);
     owed_[joint] = std::clamp(owed, -sizes_.reach[joint] * half, sizes_.reach[joint] * half);
-    backTicks_[at] = 2 * static_cast<int>(half);
+    backTicks_[joint] = 2 * static_cast<int>(half);
 }
 
 void limitMotorStep(const JointVector& nominal, const JointVector& last, const JointVector& step, JointVector& added) {
@@ -236,7 +212,7 @@ std::string tellPush(const RobotDescription& robot, const Authority& authority, 
     std::string joints;
     JointVector most(robot.size());
     for (int i = 0; i < robot.size(); ++i) {
-        const char* const name = robot.joints[static_cast<std::size_t>(i)].name.c_str();
+        const char* const name = robot.joints[i].name.c_str();
         const char* const unit = robot.slides(i) ? "N" : "Nm";
         most[i] = authority.limits(i) ? authority.calcMost(i) : kInfinity;
         if (!authority.limits(i)) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "tracking/TrackingBound.h"
@@ -78,36 +79,43 @@ public:
     @param inertia  of the joint, the others held [kg m^2, kg] */
     void take(const JointVector& torque, const std::array<bool, kMaxJoints>& isStill, const JointVector& inertia);
 
-    bool isCut(int joint) const { return cutTicks_[index(joint)] > 0; }
+    bool isCut(int joint) const { return cutTicks_[joint] > 0; }
     /** Something was added to the joint's motor since reset(). */
-    bool hasAdded(int joint) const { return hasAdded_[index(joint)]; }
+    bool hasAdded(int joint) const { return hasAdded_[joint]; }
     /** In the tick before [Nm]. */
     double added(int joint) const { return last_[joint]; }
     /** The joint reads the same, and was pushed for some ticks by more than friction and d explain: it should have moved. */
-    bool isPressed(int joint) const { return pressedTicks_[index(joint)] >= heldTicks_; }
+    bool isPressed(int joint) const { return pressedTicks_[joint] >= heldTicks_; }
     /** How far the joint must have been pushed since its reading changed last, with what is beyond d, 0 and twice calcHold()
     [rad, m]: half of that may have held it against what lasted. */
     double impliedTravel(int joint) const { return impliedTravel_[joint]; }
-    bool isOpen(int joint) const { return isOpen_[index(joint)]; }
+    bool isOpen(int joint) const { return isOpen_[joint]; }
     /** From now on, until reset(), d is all that is added to the joint: nothing is known of where it is. It gets there
     without a step.
     @param isInVain  it was pushed and read the same: the momentum that this must have made is taken back */
     void open(int joint, bool isInVain);
 
     /** Most that may be added to a joint that stands still while nothing lasts [Nm]. */
-    double calcRest(int joint) const;
+    double calcRest(int joint) const { return sizes_.reach[joint] + calcFriction(joint, 0.0); }
     /** And after a push that grew so slowly that it was taken for what lasts [Nm]. */
     double calcMost(int joint) const { return calcRest(joint) + sizes_.lasting[joint]; }
     /** What a joint that stands may take without moving, as far as is known: twice the figure of its dry friction, 0 without
     one; with a bound kPressing of the reach [Nm]. */
-    double calcHold(int joint) const;
+    double calcHold(int joint) const {
+        return sizes_.friction > 0.0 ? kFrictionFactor * figures_.coulomb[joint] : kPressing * sizes_.reach[joint];
+    }
 
 private:
-    static std::size_t index(int joint) { return static_cast<std::size_t>(joint); }
-    double calcFigure(int joint, double speed) const;
+    /** By the robot's description [Nm]; `speed` >= 0. */
+    double calcFigure(int joint, double speed) const {
+        return figures_.coulomb[joint] + figures_.calcViscous(joint, speed);
+    }
     double calcFriction(int joint, double speed) const { return sizes_.friction * calcFigure(joint, speed); }
     double calcOpen(int joint);
-    double calcLasting(int joint) const;
+    /** Of what lasted, what may be added beside `reach` [Nm]. */
+    double calcLasting(int joint) const {
+        return std::clamp(lasting_[joint], -sizes_.lasting[joint], sizes_.lasting[joint]);
+    }
 
     int n_ = 0, heldTicks_ = 0, wayTicks_ = 1;
     double tick_s_ = 0.0;

@@ -5,7 +5,6 @@
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"
-#include "loop/ToolTouch.h"
 
 namespace viable {
 
@@ -75,7 +74,7 @@ bool areWithin(const JointBounds& bounds, const JointVector& values) {
 }
 
 const char* getJointName(const RobotDescription& robot, int joint) {
-    return robot.joints[static_cast<std::size_t>(joint)].name.c_str();
+    return robot.joints[joint].name.c_str();
 }
 
 }  // namespace
@@ -180,7 +179,7 @@ void ControlLoop::readPlant(bool isRead) {
 }
 
 void ControlLoop::readState() {
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, [&] {
         const JointState& measured = plugins_.realPlant->measured();
         const JointState& actual = plugins_.realPlant->actual();
         if (!isFinite(measured, n_) || !isFinite(actual, n_)) return TickStatus::Faulted;
@@ -196,7 +195,7 @@ void ControlLoop::readState() {
 /** Null: it is unusable in this tick. Where that lasts the arm is stopped. */
 const JointVector* ControlLoop::findExternalTorque() {
     const JointVector* torque = nullptr;
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, [&] {
         torque = plugins_.realPlant->externalTorque();
         return torque && isBounded(*torque, n_) ? TickStatus::Ok : TickStatus::Faulted;
     });
@@ -218,15 +217,14 @@ void ControlLoop::readExternalTorque() {
 
 /** Nothing is known of where the joint is from here on. */
 void ControlLoop::dropReading(int joint, bool isInVain) {
-    isPlausible_[static_cast<std::size_t>(joint)] = false;
+    isPlausible_[joint] = false;
     if (authority_.limits(joint)) authority_.open(joint, isInVain);
 }
 
 /** True if the reading of a joint that is beyond its bound stays exactly what it is while the nominal joint goes on: the sensor is
 stuck, or the joint blocked. It is not taken as plausible any more, or the robust loop would push in vain. */
 bool ControlLoop::replaceStillReading(int joint) {
-    const auto at = static_cast<std::size_t>(joint);
-    if (!options_.judgesReadings || !isPlausible_[at]) return false;
+    if (!options_.judgesReadings || !isPlausible_[joint]) return false;
     if (!(std::abs(sensors_.deviation()[joint]) > options_.bound->measured[joint])) return false;
     if (!(sensors_.findStillTravel(joint) > kJumpCounts * sensors_.count(joint))) return false;
     dropReading(joint, true);
@@ -237,13 +235,7 @@ bool ControlLoop::replaceStillReading(int joint) {
 
 /** The robust loop pushes it by what its readings say. */
 bool ControlLoop::isDriven(int joint) const {
-    return isLoopAsked_ && isPlausible_[static_cast<std::size_t>(joint)] && authority_.limits(joint) &&
-           authority_.hasAdded(joint);
-}
-
-/** Its reading stopped at once. */
-bool ControlLoop::isSuspect(int joint) const {
-    return !options_.bound && isDriven(joint) && sensors_.isSuspect(joint);
+    return isLoopAsked_ && isPlausible_[joint] && authority_.limits(joint) && authority_.hasAdded(joint);
 }
 
 /** Lets the nominal arm wait where the real tool is held, and the robust loop see no more of it than it shall. */
@@ -358,8 +350,7 @@ void ControlLoop::checkFollowing(std::int64_t elapsedTicks) {
             endRobustLoop(true);
         if (!following_.runsAway(plausible_, nominal())) return;
         if (drifts_) endRobustLoop(false);
-        releaseToRobot();
-        return;
+        return releaseToRobot();
     }
     if (touch_ && touch_->isSettling()) return;  // a tool that bounces swings, too
     const detail::FollowingWatch::Violation found = following_.update(
@@ -422,18 +413,10 @@ void ControlLoop::watchNominal() {
     leftLimits_s_ = time();
 }
 
-/** A robot that does not take torques for what they are goes on though it is told to brake: its own stop is better. */
-void ControlLoop::releaseToRobot() {
-    if (hasClock_) loop_.end();
-}
-
 void ControlLoop::holdIntegral() {
     if (isIntegralHeld_) return;
     isIntegralHeld_ = true;
-    loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
-        plugins_.robustLoop->holdIntegral();
-        return TickStatus::Ok;
-    });
+    loop_.contain(PluginKind::RobustLoop, [&] { plugins_.robustLoop->holdIntegral(); });
 }
 
 /** A joint's reading that no motion explains is not taken as plausible, nor is any after it; the other joints keep theirs. */
@@ -444,10 +427,9 @@ void ControlLoop::checkReading() {
     sensors_.miss(ticksSinceReading_ - 1);
     ticksSinceReading_ = 1;
     std::array<bool, kMaxJoints> isExplained{};
-    for (int i = 0; i < n_; ++i) isExplained[static_cast<std::size_t>(i)] = sensors_.isPlausible(i, real_, nominal());
+    for (int i = 0; i < n_; ++i) isExplained[i] = sensors_.isPlausible(i, real_, nominal());
     for (int i = 0; i < n_; ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        if (judges && isPlausible_[at] && !isExplained[at]) {
+        if (judges && isPlausible_[i] && !isExplained[i]) {
             dropReading(i, false);
             const char* const unit = getUnit(LimitKind::Position, setup_.robot.slides(i));
             char message[LoopStatus::kMessageSize];
@@ -459,17 +441,14 @@ void ControlLoop::checkReading() {
             loop_.beginStop(StopReason::SensorFailed, message, kOnJump);
             holdIntegral();
         }
-        if (isPlausible_[at]) sensors_.take(i, real_, nominal());
+        if (isPlausible_[i]) sensors_.take(i, real_, nominal());
         seeJoint(i);
     }
 }
 
 /** What the robust loop sees of a joint: what the plant reports, or what stands for it. */
 void ControlLoop::seeJoint(int joint) {
-    if (!isPlausible_[static_cast<std::size_t>(joint)]) {
-        sensors_.standIn(joint, nominal(), plausible_);
-        return;
-    }
+    if (!isPlausible_[joint]) return sensors_.standIn(joint, nominal(), plausible_);
     plausible_.q[joint] = real_.q[joint];
     plausible_.qd[joint] = real_.qd[joint];
     if (!isSuspect(joint) || sensors_.stillTicks(joint) >= kStillTicks) return;
@@ -501,22 +480,22 @@ void ControlLoop::predictOpenJoints() {
     std::array<int, kMaxJoints> open{};
     int count = 0;
     for (int i = 0; i < n_; ++i)
-        if (authority_.isOpen(i)) open[static_cast<std::size_t>(count++)] = i;
+        if (authority_.isOpen(i)) open[count++] = i;
     if (count == 0 || M.rows() != n_) return;
     JointMatrix own(count, count);
     JointVector pull(count);
     const JointVector error = plausible_.qd - nominal().qd;
     for (int a = 0; a < count; ++a) {
-        const int row = open[static_cast<std::size_t>(a)];
+        const int row = open[a];
         pull[a] = 0.0;
         for (int k = 0; k < n_; ++k)
             if (!authority_.isOpen(k)) pull[a] -= M(row, k) * error[k];
-        for (int b = 0; b < count; ++b) own(a, b) = M(row, open[static_cast<std::size_t>(b)]);
+        for (int b = 0; b < count; ++b) own(a, b) = M(row, open[b]);
     }
     Eigen::LLT<JointMatrix>(own).solveInPlace(pull);
     if (!pull.allFinite()) return;
     for (int a = 0; a < count; ++a) {
-        const int row = open[static_cast<std::size_t>(a)];
+        const int row = open[a];
         plausible_.qd[row] = nominal().qd[row] + pull[a];
     }
 }
@@ -528,7 +507,7 @@ bool ControlLoop::askRobustLoop() {
     const JointVector lastRobust = robustTorque_;
     const bool hadPush = ownTorque_.size() == n_;
     if (hadPush) robustTorque_ = ownTorque_;
-    const TickStatus status = loop_.contain(PluginKind::RobustLoop, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::RobustLoop, [&] {
         return plugins_.robustLoop->compute(plausible_, nominal(), motorTorque_, robustTorque_);
     });
     if (status == TickStatus::Ok && isBounded(robustTorque_, n_)) {
@@ -582,7 +561,7 @@ void ControlLoop::limitRates(const JointVector& lastRobust, const JointVector& l
 /** Tells the authority what comes of its cut. */
 void ControlLoop::takeRobustTorque() {
     std::array<bool, kMaxJoints> isStill{};
-    for (int i = 0; i < n_; ++i) isStill[static_cast<std::size_t>(i)] = sensors_.isStill(i);
+    for (int i = 0; i < n_; ++i) isStill[i] = sensors_.isStill(i);
     const JointMatrix& M = nominalArm_.dynamics().M;
     if (M.rows() == n_) authority_.take(robustTorque_, isStill, M.diagonal());
 }
@@ -590,8 +569,8 @@ void ControlLoop::takeRobustTorque() {
 void ControlLoop::drivePlant() {
     motorTorque_ += robustTorque_;
     hasDriven_ = true;
-    const TickStatus status = loop_.contain(PluginKind::RealPlant, TickStatus::Faulted,
-                                            [&] { return plugins_.realPlant->advance(motorTorque_, appliedTorque_); });
+    const TickStatus status =
+        loop_.contain(PluginKind::RealPlant, [&] { return plugins_.realPlant->advance(motorTorque_, appliedTorque_); });
     if (status == TickStatus::Ok && isFinite(appliedTorque_, n_)) return;
     loop_.end(StopReason::PlantFailed, "it could not advance (its state would not be finite)", kOnGivingUp);
     appliedTorque_.setZero(n_);
@@ -633,14 +612,12 @@ void ControlLoop::finishTick(TickRecord& record, StageTimer& timer, bool drives)
 /** Of a plant with a clock: what its ticks say, and how many of them were missed. */
 void ControlLoop::awaitPlant() {
     std::int64_t passed = 0;
-    const TickStatus status =
-        loop_.contain(PluginKind::RealPlant, TickStatus::Faulted, [&] { return plugins_.realPlant->read(passed); });
-    if (status == TickStatus::Ok && passed >= 1) {
-        ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
-        ticksSinceReading_ = ticksToMiss_ + 1;
-        return;
-    }
-    loop_.end(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)", kOnGivingUp);
+    const TickStatus status = loop_.contain(PluginKind::RealPlant, [&] { return plugins_.realPlant->read(passed); });
+    if (status != TickStatus::Ok || passed < 1)
+        return loop_.end(StopReason::PlantFailed, "its clock gave no tick (not Ok, or less than one tick passed)",
+                         kOnGivingUp);
+    ticksToMiss_ = std::min<std::int64_t>(passed - 1, kMaxMissedTicks + 1);  // more is not told apart
+    ticksSinceReading_ = ticksToMiss_ + 1;
 }
 
 void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
@@ -648,8 +625,7 @@ void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
     isRead_ = ticksToMiss_ > 0;  // the reading is for the tick after those
     if (ticksToMiss_ > 0) {
         --ticksToMiss_;
-        passTick(record, false, isRead);
-        return;
+        return passTick(record, false, isRead);
     }
     StageTimer timer(record);
     if (plugins_.realPlant) readPlant(isRead);
@@ -662,10 +638,6 @@ void ControlLoop::tick(TickRecord& record, bool isRead) noexcept {
         following_.widen(nominalArm_.limits());
     }
     finishTick(record, timer, true);
-}
-
-void ControlLoop::missTick(TickRecord& record, bool isRead) noexcept {
-    passTick(record, true, isRead);
 }
 
 /** A tick without command, controller and filter. @param hasPlant  the plant is still to be read and driven in it */

@@ -6,10 +6,6 @@
 
 namespace viable {
 
-namespace detail {
-class ToolTouch;
-}
-
 /** How many ticks in a row may be missed before the arm is braked for good. */
 inline constexpr int kMaxMissedTicks = 1000;
 
@@ -76,7 +72,7 @@ public:
 
     /** A tick whose time passed before command, controller and filter could run: the nominal arm follows the stop
     held ready; robust loop and plant go on. */
-    void missTick(TickRecord& record, bool isRead = true) noexcept;
+    void missTick(TickRecord& record, bool isRead = true) noexcept { passTick(record, true, isRead); }
 
     /** Brakes the nominal arm from the next tick on. The first reason stays, unless it was Requested and a
     failure follows. */
@@ -130,14 +126,18 @@ private:
     void dropReading(int joint, bool isInVain);
     bool replaceStillReading(int joint);
     bool isDriven(int joint) const;
-    bool isSuspect(int joint) const;
+    /** Its reading stopped at once. */
+    bool isSuspect(int joint) const { return !options_.bound && isDriven(joint) && sensors_.isSuspect(joint); }
     void checkAnswers();
     void feelTouch();
     void checkTracking();
     void checkFollowing(std::int64_t elapsedTicks);
     void watchNominal();
     void holdIntegral();
-    void releaseToRobot();
+    /** A robot that does not take torques for what they are goes on though it is told to brake: its own stop is better. */
+    void releaseToRobot() {
+        if (hasClock_) loop_.end();
+    }
     void calcMotorTorque();
     void predictOpenJoints();
     bool askRobustLoop();

@@ -1,7 +1,5 @@
 #include "loop/FollowingWatch.h"
 
-#include <algorithm>
-
 namespace viable::detail {
 
 namespace {
@@ -32,7 +30,7 @@ void FollowingWatch::begin(const RunSetup& setup) {
     swings_ = {};
     pushes_ = {};
     for (int i = 0; i < n_; ++i) {
-        const bool slides = setup.robot.joints[static_cast<std::size_t>(i)].type == JointType::Prismatic;
+        const bool slides = setup.robot.joints[i].type == JointType::Prismatic;
         const double counts = kCounts * setup.robot.encoderStep(i);
         const double range = setup.limits.position.upper[i] - setup.limits.position.lower[i];
         leastError_[i] = std::max(slides ? kLeastErrorM : kLeastErrorRad, counts);
@@ -62,17 +60,9 @@ bool FollowingWatch::runsAway(const JointState& real, const MotionState& nominal
     return false;
 }
 
-double FollowingWatch::halfPeriod() const {
-    return std::max(kHalfPeriod_s, kHalfPeriodTicks * (1.0 + delayTicks_) * tick_s_);
-}
-
-bool FollowingWatch::isLate(std::int64_t since) const {
-    return static_cast<double>(tick_ - since) * tick_s_ > halfPeriod();
-}
-
 /** True once the joint has swung often enough. */
 bool FollowingWatch::swings(int joint, double velocityError, double elapsed_s, bool isAtLimit) {
-    Swing& swing = swings_[static_cast<std::size_t>(joint)];
+    Swing& swing = swings_[joint];
     const int sign = velocityError > 0.0 ? 1 : velocityError < 0.0 ? -1 : swing.sign;
     const bool late = isLate(swing.since);
     if (sign != swing.sign) {
@@ -93,7 +83,7 @@ bool FollowingWatch::swings(int joint, double velocityError, double elapsed_s, b
 /** True once the robust loop has pushed the motor to and fro for long enough. Where the nominal arm's own torque is not
 zero only the nearer limit is met; what that torque leaves of the limit is the way to both sides. */
 bool FollowingWatch::pushesToAndFro(int joint, double asked, double robust, bool isCut) {
-    Push& push = pushes_[static_cast<std::size_t>(joint)];
+    Push& push = pushes_[joint];
     const double limit = torqueLimit_[joint], nominal = std::abs(asked - robust);
     const int sign = robust > 0.0 ? 1 : robust < 0.0 ? -1 : push.sign;
     const bool late = isLate(push.since);
@@ -133,9 +123,8 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
         const bool pushing = pushesToAndFro(i, torques.asked[i], torques.robust[i], isCut) &&
                              saturation_[i] + weakness_[i] + withheld_[i] >= kPushedShare;
         if ((swinging || pushing) && violation.cause == Cause::None)
-            violation = {Cause::Oscillation, i,
-                         swinging ? -1 : i,  swings_[static_cast<std::size_t>(i)].last,
-                         fastest_[i],        withheld_[i] > saturation_[i]};
+            violation = {Cause::Oscillation, i,           swinging ? -1 : i,
+                         swings_[i].last,    fastest_[i], withheld_[i] > saturation_[i]};
     }
     if (violation.cause != Cause::None) return violation;
     double worst = 1.0;
@@ -147,7 +136,7 @@ FollowingWatch::Violation FollowingWatch::update(const JointState& real, const M
     }
     if (violation.cause == Cause::None) return violation;
     // So fast that it was away before it had swung often enough to tell.
-    const Swing& swing = swings_[static_cast<std::size_t>(violation.joint)];
+    const Swing& swing = swings_[violation.joint];
     // Where the loop was cut somebody else may have moved the joint.
     const int least = withheld_[violation.joint] < kSaturated ? 1 : 2;
     const bool isFirst = !hasFound_;

@@ -68,7 +68,7 @@ public:
     /** A start at which the real arm is the nominal one. */
     void begin(const RunSetup& setup);
     /** A sign that lasts longer belongs to no oscillation [s]. */
-    double halfPeriod() const;
+    double halfPeriod() const { return std::max(kHalfPeriod_s, kHalfPeriodTicks * (1.0 + delayTicks_) * tick_s_); }
     /** After a violation: the arm goes on away from its nominal place. */
     bool runsAway(const JointState& real, const MotionState& nominal) const;
     /** Velocity limits that are wider from now on count. */
@@ -94,7 +94,7 @@ private:
         std::int64_t begun = 0;  // tick since which every half was large
         bool isLarge = false;    // in a tick since the last change of sign
     };
-    bool isLate(std::int64_t since) const;
+    bool isLate(std::int64_t since) const { return static_cast<double>(tick_ - since) * tick_s_ > halfPeriod(); }
     bool swings(int joint, double velocityError, double elapsed_s, bool isAtLimit);
     bool pushesToAndFro(int joint, double asked, double robust, bool isCut);
 

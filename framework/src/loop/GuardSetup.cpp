@@ -10,7 +10,7 @@ namespace viable {
 namespace detail {
 
 std::string quoteJoint(const RobotDescription& robot, int joint) {
-    return "joint `" + robot.joints[static_cast<std::size_t>(joint)].name + "`";
+    return "joint `" + robot.joints[joint].name + "`";
 }
 
 namespace {
@@ -22,11 +22,9 @@ void checkRobot(const char* guard, const RobotDescription& robot) {
         throw badInput(guard, "the robot has " + n + " joints; allowed is 1 to " + std::to_string(kMaxJoints),
                        "Load it by loadRobot(), or fill RobotDescription::joints.");
     for (int i = 0; i < robot.size(); ++i)
-        if (robot.joints[static_cast<std::size_t>(i)].parent < -1 ||
-            robot.joints[static_cast<std::size_t>(i)].parent >= i)
+        if (robot.joints[i].parent < -1 || robot.joints[i].parent >= i)
             throw badInput(guard,
-                           quoteJoint(robot, i) + " has joint " +
-                               std::to_string(robot.joints[static_cast<std::size_t>(i)].parent) +
+                           quoteJoint(robot, i) + " has joint " + std::to_string(robot.joints[i].parent) +
                                " as its parent; allowed is -1 to " + std::to_string(i - 1),
                            "List parents before children; the base is -1.");
     if (robot.toolParent < -1 || robot.toolParent >= robot.size())

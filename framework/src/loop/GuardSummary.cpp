@@ -58,13 +58,12 @@ void GuardSummary::addEnd(const MotionState& nominal, double time_s) {
 }
 
 void GuardSummary::check(LimitKind kind, const JointBounds& bounds, const JointVector& values, double time_s) {
-    const auto n = static_cast<Eigen::Index>(limits_[static_cast<std::size_t>(kind) - 1].size());
+    std::vector<LimitRecord>& records = limits_[static_cast<std::size_t>(kind) - 1];
+    const auto n = static_cast<Eigen::Index>(records.size());
     if (values.size() != n || bounds.lower.size() != n || bounds.upper.size() != n) return;  // a record of no tick
-    int i = 0;
-    for (LimitRecord& record : limits_[static_cast<std::size_t>(kind) - 1]) {
-        const bool isOutside = record.add(kind, bounds.lower[i], bounds.upper[i], values[i], time_s, isRecovering_);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const bool isOutside = records[i].add(kind, bounds.lower[i], bounds.upper[i], values[i], time_s, isRecovering_);
         isBroken_ |= isOutside && !isRecovering_;
-        ++i;
     }
 }
 

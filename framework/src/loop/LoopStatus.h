@@ -58,9 +58,10 @@ public:
     const char* remedy() const { return remedy_; }
     double stopTime() const { return stopTime_; }
 
-    /** Runs `call`, the work of a plugin of that kind. An exception becomes `faulted`, and its text the message of a stop. */
-    template <class Status, class Call>
-    Status contain(PluginKind kind, Status faulted, const Call& call) noexcept;
+    /** Runs `call`, the work of a plugin of that kind, and returns its status; that of a call without one is Ok. An exception
+    becomes Faulted, and its text the message of a stop. */
+    template <class Call>
+    auto contain(PluginKind kind, const Call& call) noexcept;
     PluginWatch* findWatch(PluginKind kind) const { return watches_[static_cast<std::size_t>(kind)]; }
 
 private:
@@ -77,18 +78,23 @@ private:
 /** Why the arm is braked when a plugin of the kind fails. */
 StopReason getStopReason(PluginKind kind);
 
-template <class Status, class Call>
-Status LoopStatus::contain(PluginKind kind, Status faulted, const Call& call) noexcept {
+template <class Call>
+auto LoopStatus::contain(PluginKind kind, const Call& call) noexcept {
+    constexpr bool hasStatus = !std::is_void_v<decltype(call())>;
+    using Status = std::conditional_t<hasStatus, decltype(call()), TickStatus>;
     PluginCall mark(findWatch(kind), tick_);
     char message[kMessageSize];
     message[0] = '\0';
     const char* remedy = kOnThrow;
-    Status status = faulted;
+    Status status = Status::Faulted;
     detail::readFaultExplanation();  // none is left of an earlier call
     try {
-        status = call();
+        if constexpr (hasStatus)
+            status = call();
+        else
+            call(), status = Status::Ok;
         const char* const explanation = detail::readFaultExplanation();
-        if (kind == PluginKind::RealPlant && status == faulted && *explanation) {
+        if (kind == PluginKind::RealPlant && status == Status::Faulted && *explanation) {
             std::snprintf(message, sizeof message, "%s", explanation);
             remedy = kOnGivingUp;
         }
@@ -103,7 +109,7 @@ Status LoopStatus::contain(PluginKind kind, Status faulted, const Call& call) no
     if (const char* change = mark.undoArithmeticChange(); change && !*message) {
         std::snprintf(message, sizeof message, kArithmeticChange, change);
         remedy = kOnArithmeticChange;
-        status = faulted;
+        status = Status::Faulted;
     }
     if (*message) {
         mark.forgetAllocations();

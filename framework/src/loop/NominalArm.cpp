@@ -1,8 +1,5 @@
 #include "loop/NominalArm.h"
 
-#include "loop/FreeArm.h"
-#include "viable/loop/NominalPlant.h"
-
 namespace viable {
 
 namespace {
@@ -55,8 +52,6 @@ NominalArm::NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopSt
     if (canWait) freeArm_ = std::make_unique<detail::FreeArm>(setup);
 }
 
-NominalArm::~NominalArm() = default;
-
 void NominalArm::reset(const MotionState& start) {
     state_ = start;
     limits_ = setup_.limits;
@@ -86,13 +81,9 @@ void NominalArm::reset(const MotionState& start) {
     monitor_.reset(state_, limits_, setup_.tick_s, guarantees_, traits.recovers);
 }
 
-double NominalArm::commandTime() const {
-    return static_cast<double>(loop_.tick() - pausedTicks_) * setup_.tick_s;
-}
-
 void NominalArm::readCommand(double t) {
-    const TickStatus status = loop_.contain(PluginKind::CommandSource, TickStatus::Faulted,
-                                            [&] { return plugins_.command->sample(t, newCommand_); });
+    const TickStatus status =
+        loop_.contain(PluginKind::CommandSource, [&] { return plugins_.command->sample(t, newCommand_); });
     if (status == TickStatus::Ok && newCommand_.space == command_.space && isUsable(newCommand_, n_)) {
         command_ = newCommand_;
         missingCommands_ = 0;
@@ -105,30 +96,22 @@ void NominalArm::readCommand(double t) {
 
 void NominalArm::readLimits(double t) {
     const JointLimits* limits = nullptr;
-    loop_.contain(PluginKind::CommandSource, TickStatus::Faulted, [&] {
-        limits = plugins_.command->sampleLimits(t);
-        return TickStatus::Ok;
-    });
+    loop_.contain(PluginKind::CommandSource, [&] { limits = plugins_.command->sampleLimits(t); });
     if (!limits) return;
-    if (fixesLimits_) {
-        loop_.beginStop(StopReason::CommandFailed,
-                        "it changed the limits, which hold_on: real has made tighter for the whole run",
-                        kOnFixedLimits);
-        return;
-    }
-    if (!areUsable(*limits, n_, setup_.tick_s)) {
-        loop_.beginStop(StopReason::CommandFailed,
-                        "the limits that it gave are not usable at this tick (size, sign, order or window)", kOnLimits);
-        return;
-    }
-    const FilterStatus status = loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
+    if (fixesLimits_)
+        return loop_.beginStop(StopReason::CommandFailed,
+                               "it changed the limits, which hold_on: real has made tighter for the whole run",
+                               kOnFixedLimits);
+    if (!areUsable(*limits, n_, setup_.tick_s))
+        return loop_.beginStop(StopReason::CommandFailed,
+                               "the limits that it gave are not usable at this tick (size, sign, order or window)",
+                               kOnLimits);
+    const FilterStatus status = loop_.contain(PluginKind::SafetyFilter, [&] {
         return plugins_.filter->changeLimits(*limits) ? FilterStatus::Passed : FilterStatus::Faulted;
     });
-    if (status == FilterStatus::Faulted) {
-        loop_.beginStop(StopReason::FilterFailed,
-                        "the command changed the limits, and it cannot change its own during a run", kOnLimits);
-        return;
-    }
+    if (status == FilterStatus::Faulted)
+        return loop_.beginStop(StopReason::FilterFailed,
+                               "the command changed the limits, and it cannot change its own during a run", kOnLimits);
     limits_ = *limits;
     hasNewLimits_ = true;
     if (freeArm_) freeArm_->changeLimits(limits_);
@@ -140,7 +123,7 @@ void NominalArm::readTorque(std::int64_t missed) {
     const MotionCommand& command = plugins_.stream ? received_ : command_;
     const MotionState& led = waits() ? freeArm_->state() : state_;
     const Dynamics& dynamics = waits() ? freeArm_->updateDynamics() : dynamics_;
-    const TickStatus status = loop_.contain(PluginKind::NominalController, TickStatus::Faulted, [&] {
+    const TickStatus status = loop_.contain(PluginKind::NominalController, [&] {
         return plugins_.controller->compute({command, led, dynamics, {loop_.time(), missed}}, output_);
     });
     if (status == TickStatus::Ok && isFinite(output_.torque, n_) &&
@@ -161,35 +144,13 @@ void NominalArm::readTorque(std::int64_t missed) {
 
 void NominalArm::tellSkippedTicks() {
     if (skippedTicks_ == 0) return;
-    loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted, [&] {
-        plugins_.filter->skipTicks(skippedTicks_);
-        return FilterStatus::Passed;
-    });
+    loop_.contain(PluginKind::SafetyFilter, [&] { plugins_.filter->skipTicks(skippedTicks_); });
     skippedTicks_ = 0;
-}
-
-void NominalArm::wait(const detail::ToolSurface& surface) {
-    freeArm_->wait(surface, state_, dynamics_);
-}
-
-bool NominalArm::waits() const {
-    return freeArm_ && freeArm_->isOn();
-}
-
-const Eigen::Vector3d& NominalArm::wantedTool() const {
-    return waits() ? freeArm_->tool() : dynamics_.tool.position;
-}
-
-void NominalArm::endWait() {
-    freeArm_->end();
 }
 
 /** The free arm has no controller in this tick. */
 void NominalArm::rest() {
-    if (loop_.isStopping())
-        freeArm_->end();
-    else
-        freeArm_->pause();
+    loop_.isStopping() ? freeArm_->end() : freeArm_->pause();
 }
 
 /** The controller has moved the free arm; the torque that is asked for is that of following it. */
@@ -208,8 +169,7 @@ bool NominalArm::askFilter(const JointVector& external) {
     // How a push changes nobody knows: its own rate counts as zero.
     const JointVector* rate = output_.hasAccelerationRate ? &output_.accelerationRate : nullptr;
     const FilterInput input{state_, wantedTorque_, dynamics_, rate};
-    status_ = loop_.contain(PluginKind::SafetyFilter, FilterStatus::Faulted,
-                            [&] { return plugins_.filter->filter(input, decision_); });
+    status_ = loop_.contain(PluginKind::SafetyFilter, [&] { return plugins_.filter->filter(input, decision_); });
     if (status_ == FilterStatus::Ended && !guarantees_) {
         loop_.beginStop(StopReason::FilterEnded, "it had no admissible choice and does not continue");
         return false;
@@ -220,18 +180,16 @@ bool NominalArm::askFilter(const JointVector& external) {
                         : status_ == FilterStatus::InvalidInput ? "it refused its input as invalid"
                         : !areKnown(status_, decision_, n_)     ? "its status or an acting limit is not a known value"
                                                                 : findFault(decision_, motion_, setup_.tick_s, n_);
+    if (!fault) return passMonitor();
     const bool gaveUp =
         status_ == FilterStatus::Faulted || status_ == FilterStatus::Ended || status_ == FilterStatus::InvalidInput;
-    if (fault) {
-        // A filter that passes what it is asked for is not the one to blame for its size.
-        const bool isPassedOn = status_ == FilterStatus::Passed && isFinite(decision_.value, n_) && fault == kTooLarge;
-        if (isPassedOn)
-            loop_.beginStop(StopReason::ControllerFailed,
-                            "the torque that it asks for, which the filter passed on, is beyond 1e9", kOnDivergence);
-        else
-            loop_.beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
-    }
-    return !fault && passMonitor();
+    // A filter that passes what it is asked for is not the one to blame for its size.
+    if (status_ == FilterStatus::Passed && isFinite(decision_.value, n_) && fault == kTooLarge)
+        loop_.beginStop(StopReason::ControllerFailed,
+                        "the torque that it asks for, which the filter passed on, is beyond 1e9", kOnDivergence);
+    else
+        loop_.beginStop(StopReason::FilterFailed, fault, gaveUp ? kOnGivingUp : kOnValues);
+    return false;
 }
 
 /** False: the decision must not be applied. */
@@ -312,10 +270,7 @@ void NominalArm::missTick(bool reachesMotors, StageTimer& timer) {
 void NominalArm::fillRecord(TickRecord& record) const {
     record.time_s = loop_.time();
     record.command = command_;
-    record.nominal.q = state_.q;
-    record.nominal.qd = state_.qd;
-    record.nominal.qdd = state_.qdd;
-    record.nominal.jerk = motion_.jerk;
+    record.nominal = {state_.q, state_.qd, state_.qdd, motion_.jerk};
     record.tool = dynamics_.tool;
     record.desiredTorque = desiredTorque_;
     record.filterTorque = motion_.torque;
@@ -330,10 +285,6 @@ void NominalArm::fillRecord(TickRecord& record) const {
     record.braking = loop_.isStopping();
     record.paused = isPaused_;
     record.substituted = substituted_;
-}
-
-void NominalArm::advance() {
-    advanceNominal(decision_, setup_.tick_s, state_);
 }
 
 }  // namespace viable

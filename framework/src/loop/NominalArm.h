@@ -1,16 +1,12 @@
 #pragma once
 
+#include "loop/FreeArm.h"
 #include "loop/LoopStatus.h"
 #include "loop/StageTimer.h"
 #include "loop/StopMonitor.h"
-#include "viable/robot/RobotModel.h"
+#include "viable/loop/NominalPlant.h"
 
 namespace viable {
-
-namespace detail {
-class FreeArm;
-struct ToolSurface;
-}  // namespace detail
 
 /** Torques [Nm] and accelerations [rad/s^2] beyond 1e9 are no arm's: a few ticks later the arithmetic would overflow. */
 bool isBounded(const JointVector& v, int n);
@@ -24,7 +20,6 @@ A plugin that throws, or goes on giving nothing of use, is a reason to stop (Loo
 Real time: no allocation, lock or throw after reset(). */
 class NominalArm {
 public:
-    ~NominalArm();
     /** All must outlive it. @param fixesLimits  a command that changes the limits is answered with a stop
     @param canWait  wait() may be called */
     NominalArm(const RunSetup& setup, const LoopPlugins& plugins, LoopStatus& loop, bool fixesLimits, bool canWait);
@@ -33,11 +28,11 @@ public:
     void reset(const MotionState& start);
 
     /** From now on it waits where the real tool is held, at `surface`; each tick anew, as long as waits() (see FreeArm). */
-    void wait(const detail::ToolSurface& surface);
-    bool waits() const;
-    void endWait();
+    void wait(const detail::ToolSurface& surface) { freeArm_->wait(surface, state_, dynamics_); }
+    bool waits() const { return freeArm_ && freeArm_->isOn(); }
+    void endWait() { freeArm_->end(); }
     /** Where the command leads the tool to: the waiting arm is not there [m]. */
-    const Eigen::Vector3d& wantedTool() const;
+    const Eigen::Vector3d& wantedTool() const { return waits() ? freeArm_->tool() : dynamics_.tool.position; }
 
     /** Decides how the arm moves in this tick. @param external  torque that acts on it, too [Nm]; of size 0: none */
     void decide(const JointVector& external, StageTimer& timer);
@@ -47,7 +42,7 @@ public:
     /** Writes what was decided; `record` becomes complete but for the real arm. */
     void fillRecord(TickRecord& record) const;
     /** To the end of the tick. */
-    void advance();
+    void advance() { advanceNominal(decision_, setup_.tick_s, state_); }
 
     void pause() { isPaused_ = true; }
     void resume() { isPaused_ = false; }
@@ -56,7 +51,7 @@ public:
     /** A stop has come to its end. */
     bool hasStopped() const { return stopBegun_ && monitor_.atRest(state_); }
     /** What the command is asked for next: the loop's time less the pauses [s]. */
-    double commandTime() const;
+    double commandTime() const { return static_cast<double>(loop_.tick() - pausedTicks_) * setup_.tick_s; }
 
     const MotionState& state() const { return state_; }     ///< before advance(): at the tick's beginning
     const Dynamics& dynamics() const { return dynamics_; }  ///< of the last tick that decided

@@ -1,7 +1,6 @@
 #include "loop/PathExtent.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace viable::detail {
 
@@ -63,10 +62,6 @@ void PathExtent::follow(double jerk, double seconds) {
     p_ = p;
     v_ = v;
     a_ = a;
-}
-
-bool PathExtent::isFinite() const {
-    return std::isfinite(p_) && std::isfinite(v_) && std::isfinite(a_);
 }
 
 }  // namespace viable::detail

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 namespace viable::detail {
 
 /** The extremes of one joint's position, velocity, acceleration and jerk along segments of constant jerk.
@@ -48,7 +50,7 @@ public:
     double v() const { return v_; }
     double a() const { return a_; }
     /** False when the path left the range of numbers. */
-    bool isFinite() const;
+    bool isFinite() const { return std::isfinite(p_) && std::isfinite(v_) && std::isfinite(a_); }
 
     Range position, velocity, acceleration;
 

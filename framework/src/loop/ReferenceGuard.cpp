@@ -149,10 +149,7 @@ struct ReferenceGuard::Inside {
     /** What no driver takes for a position. */
     GuardedReference makeNone() const {
         const JointVector none = JointVector::Constant(robot.size(), kNan);
-        GuardedReference reference;
-        reference.state = {none, none, none};
-        reference.jerk = none;
-        return reference;
+        return {{none, none, none}, none};
     }
 
     void start(const MotionState& state);

@@ -1,7 +1,5 @@
 #include "loop/SensorCheck.h"
 
-#include <algorithm>
-
 namespace viable {
 
 JointVector calcLargestChange(const RunSetup& setup, const JointLimits& limits, const TrackingBound* bound,
@@ -76,8 +74,8 @@ void SensorCheck::take(int joint, const JointState& reading, const MotionState& 
     const double deviation = reading.q[joint] - nominal.q[joint];
     swing_[joint] = std::abs(deviation - deviation_[joint]) / elapsed;
     goal_[joint] = deviation_[joint] = deviation;
-    std::int64_t& still = still_[static_cast<std::size_t>(joint)];
-    std::int64_t& moving = moving_[static_cast<std::size_t>(joint)];
+    std::int64_t& still = still_[joint];
+    std::int64_t& moving = moving_[joint];
     if (!stands) {
         moving = still == 0 && std::abs(step) >= policy_.moving[joint] ? moving + 1 : 0;
         changedDeviation_[joint] = deviation;
@@ -97,14 +95,11 @@ void SensorCheck::standIn(int joint, const MotionState& nominal, JointState& rea
 
 bool SensorCheck::isSuspect(int joint) const {
     const double on = std::copysign(1.0, way_[joint]) * (changedDeviation_[joint] - deviation_[joint]);
-    return isStill(joint) && moving_[static_cast<std::size_t>(joint)] >= kStillTicks &&
-           on > kJumpCounts * policy_.count[joint];
+    return isStill(joint) && moving_[joint] >= kStillTicks && on > kJumpCounts * policy_.count[joint];
 }
 
 double SensorCheck::findStillTravel(int joint) const {
-    return still_[static_cast<std::size_t>(joint)] < kStillTicks
-               ? 0.0
-               : std::abs(deviation_[joint] - changedDeviation_[joint]);
+    return still_[joint] < kStillTicks ? 0.0 : std::abs(deviation_[joint] - changedDeviation_[joint]);
 }
 
 void SensorCheck::disownStill(int joint, int ticks) {

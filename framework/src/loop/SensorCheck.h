@@ -93,7 +93,7 @@ public:
     /** By how much its reading changed at last in a tick, and what is a motion [rad, m]. */
     double lastStep(int joint) const { return std::abs(way_[joint]); }
     double moving(int joint) const { return policy_.moving[joint]; }
-    std::int64_t stillTicks(int joint) const { return still_[static_cast<std::size_t>(joint)]; }
+    std::int64_t stillTicks(int joint) const { return still_[joint]; }
     /** The last readings of a joint were wrong, as they did not change: what stands in for them goes back to the deviation
     before, in so many ticks. */
     void disownStill(int joint, int ticks);

@@ -23,10 +23,6 @@ constexpr double kMarginResolution = 1e4;
 /** A recovering joint that comes no nearer for so long will not return. [s] */
 constexpr double kPatience_s = 1.0;
 
-double calcTolerance(double lower, double upper) {
-    return kMonitorShare * calcLimitScale(lower, upper);
-}
-
 /** For a path that goes far beyond its limits rounding grows with it. */
 double widenTolerance(double tolerance, double extreme) {
     return std::max(tolerance, kMonitorShare * std::abs(extreme));
@@ -36,6 +32,7 @@ constexpr double AxisLimits::*kLowerBounds[] = {&AxisLimits::positionLower, &Axi
                                                 &AxisLimits::accelerationLower, &AxisLimits::jerkLower};
 constexpr double AxisLimits::*kUpperBounds[] = {&AxisLimits::positionUpper, &AxisLimits::velocityUpper,
                                                 &AxisLimits::accelerationUpper, &AxisLimits::jerkUpper};
+constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk};
 constexpr AxisLimits kUnbounded{-kInfinity, kInfinity, -kInfinity, kInfinity,
                                 -kInfinity, kInfinity, -kInfinity, kInfinity};
 
@@ -65,16 +62,20 @@ struct StopMonitor::Path {
         jerk.include(j);
         extent.follow(j, seconds);
     }
+    /** By Quantity. */
+    const detail::PathExtent::Range& extremes(int k) const {
+        const detail::PathExtent::Range* const all[] = {&extent.position, &extent.velocity, &extent.acceleration,
+                                                        &jerk};
+        return *all[k];
+    }
 };
 
 void StopMonitor::updateLimits(const JointLimits& limits) {
     hasJerkLimits_ = limits.hasJerkLimits();
     for (int i = 0; i < n_; ++i) {
         const AxisLimits& axis = limits_[i] = limits.axis(i);
-        tolerances_[i] = {calcTolerance(axis.positionLower, axis.positionUpper),
-                          calcTolerance(axis.velocityLower, axis.velocityUpper),
-                          calcTolerance(axis.accelerationLower, axis.accelerationUpper),
-                          calcTolerance(axis.jerkLower, axis.jerkUpper)};
+        for (int k = 0; k < kQuantities; ++k)
+            tolerances_[i][k] = kMonitorShare * calcLimitScale(axis.*kLowerBounds[k], axis.*kUpperBounds[k]);
     }
 }
 
@@ -103,12 +104,10 @@ void StopMonitor::changeLimits(const JointLimits& limits, const MotionState& nom
     for (int i = 0; i < n_; ++i) {
         // What counted as rounding at a limit counts still where the limit has moved; only there, or handing over the
         // same limits again and again would let a joint creep out.
-        const Tolerances& t = rounding[i];
-        const double tolerances[] = {t.position, t.velocity, t.acceleration, t.jerk};
-        for (int k = 0; k < 4; ++k) {
+        for (int k = 0; k < kQuantities; ++k) {
             double AxisLimits::*lower = kLowerBounds[k], AxisLimits::*upper = kUpperBounds[k];
-            if (limits_[i].*lower != old[i].*lower) before[i].*lower -= tolerances[k];
-            if (limits_[i].*upper != old[i].*upper) before[i].*upper += tolerances[k];
+            if (limits_[i].*lower != old[i].*lower) before[i].*lower -= rounding[i][k];
+            if (limits_[i].*upper != old[i].*upper) before[i].*upper += rounding[i][k];
         }
         loosenBounds(nominal, i, before[i]);
     }
@@ -166,8 +165,8 @@ StopMonitor::Path StopMonitor::beginPath(double p, double v, double a, int joint
     return {{p,
              v,
              a,
-             {l.positionLower, l.positionUpper, kMarginResolution * t.position, kResolution * t.position},
-             {l.velocityLower, l.velocityUpper, kInfinity, kResolution * t.velocity}},
+             {l.positionLower, l.positionUpper, kMarginResolution * t[Position], kResolution * t[Position]},
+             {l.velocityLower, l.velocityUpper, kInfinity, kResolution * t[Velocity]}},
             {kInfinity, -kInfinity}};
 }
 
@@ -208,7 +207,7 @@ void StopMonitor::checkTickJerk(int i, double jerk) {
     const double below = bounds_[i].jerkLower - jerk, above = jerk - bounds_[i].jerkUpper;
     const LimitSide side = above > below ? LimitSide::Upper : LimitSide::Lower;
     const double excess = std::max(below, above);
-    if (excess > tolerances_[i].jerk) keepViolation(Fault::Limit, i, LimitKind::Jerk, side, excess, 0.0);
+    if (excess > tolerances_[i][Jerk]) keepViolation(Fault::Limit, i, LimitKind::Jerk, side, excess, 0.0);
 }
 
 void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool checksRest) {
@@ -222,21 +221,13 @@ void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool che
         }
         if (beyondBound > allowed) keepViolation(Fault::Limit, i, kind, side, beyondBound, allowed);
     };
-    const auto check = [&](LimitKind kind, const detail::PathExtent::Range& x, double AxisLimits::*lower,
-                           double AxisLimits::*upper, double allowed) {
-        checkSide(kind, LimitSide::Lower, bound.*lower - x.lower, limit.*lower - x.lower,
-                  widenTolerance(allowed, x.lower));
-        checkSide(kind, LimitSide::Upper, x.upper - bound.*upper, x.upper - limit.*upper,
-                  widenTolerance(allowed, x.upper));
-    };
-    check(LimitKind::Position, path.extent.position, &AxisLimits::positionLower, &AxisLimits::positionUpper,
-          tolerance.position);
-    check(LimitKind::Velocity, path.extent.velocity, &AxisLimits::velocityLower, &AxisLimits::velocityUpper,
-          tolerance.velocity);
-    if (checksRates) {
-        check(LimitKind::Acceleration, path.extent.acceleration, &AxisLimits::accelerationLower,
-              &AxisLimits::accelerationUpper, tolerance.acceleration);
-        check(LimitKind::Jerk, path.jerk, &AxisLimits::jerkLower, &AxisLimits::jerkUpper, tolerance.jerk);
+    for (int k = 0; k < (checksRates ? kQuantities : Acceleration); ++k) {
+        const detail::PathExtent::Range& x = path.extremes(k);
+        double AxisLimits::*lower = kLowerBounds[k], AxisLimits::*upper = kUpperBounds[k];
+        checkSide(kKinds[k], LimitSide::Lower, bound.*lower - x.lower, limit.*lower - x.lower,
+                  widenTolerance(tolerance[k], x.lower));
+        checkSide(kKinds[k], LimitSide::Upper, x.upper - bound.*upper, x.upper - limit.*upper,
+                  widenTolerance(tolerance[k], x.upper));
     }
     if (!checksRest) return;
     const auto checkRest = [&](LimitKind kind, double x, const detail::PathExtent::Range& range, double allowed) {
@@ -244,8 +235,8 @@ void StopMonitor::checkJoint(int i, const Path& path, bool checksRates, bool che
         if (std::abs(x) > allowed)
             keepViolation(Fault::Moving, i, kind, x > 0.0 ? LimitSide::Upper : LimitSide::Lower, std::abs(x), allowed);
     };
-    checkRest(LimitKind::Velocity, path.extent.v(), path.extent.velocity, tolerance.velocity);
-    checkRest(LimitKind::Acceleration, path.extent.a(), path.extent.acceleration, tolerance.acceleration);
+    checkRest(LimitKind::Velocity, path.extent.v(), path.extent.velocity, tolerance[Velocity]);
+    checkRest(LimitKind::Acceleration, path.extent.a(), path.extent.acceleration, tolerance[Acceleration]);
 }
 
 void StopMonitor::checkDecision(const MotionState& nominal, const FilterDecision& decision, const Plan& plan) {
@@ -301,14 +292,11 @@ AxisLimits StopMonitor::calcBounds(const MotionState& from, int i) const {
     AxisLimits bounds = limits_[i];
     Path path = beginPath(from.q[i], from.qd[i], from.qdd[i], i);
     if (!followPlan(ready_, i, path)) return bounds;
-    const auto widen = [](double& lower, double& upper, const detail::PathExtent::Range& range) {
-        lower = std::min(lower, range.lower);
-        upper = std::max(upper, range.upper);
-    };
-    widen(bounds.positionLower, bounds.positionUpper, path.extent.position);
-    widen(bounds.velocityLower, bounds.velocityUpper, path.extent.velocity);
-    widen(bounds.accelerationLower, bounds.accelerationUpper, path.extent.acceleration);
-    widen(bounds.jerkLower, bounds.jerkUpper, path.jerk);
+    for (int k = 0; k < kQuantities; ++k) {
+        double &lower = bounds.*kLowerBounds[k], &upper = bounds.*kUpperBounds[k];
+        lower = std::min(lower, path.extremes(k).lower);
+        upper = std::max(upper, path.extremes(k).upper);
+    }
     return bounds;
 }
 
@@ -332,15 +320,13 @@ void StopMonitor::watchReturn() {
     if (violation_.verdict == StopVerdict::NoStop) return;
     for (int i = 0; i < n_; ++i) {
         if (!isLoose_[i]) continue;
-        const Tolerances& t = tolerances_[i];
-        const double tolerances[] = {t.position, t.velocity, t.acceleration, t.jerk};
         double excess = 0.0;
         const auto see = [&](double distance, double tolerance) {
             if (std::isfinite(distance)) excess += distance / tolerance;  // else: no limit
         };
-        for (int k = 0; k < 4; ++k) {
-            see(limits_[i].*kLowerBounds[k] - bounds_[i].*kLowerBounds[k], tolerances[k]);
-            see(bounds_[i].*kUpperBounds[k] - limits_[i].*kUpperBounds[k], tolerances[k]);
+        for (int k = 0; k < kQuantities; ++k) {
+            see(limits_[i].*kLowerBounds[k] - bounds_[i].*kLowerBounds[k], tolerances_[i][k]);
+            see(bounds_[i].*kUpperBounds[k] - limits_[i].*kUpperBounds[k], tolerances_[i][k]);
         }
         ReturnState& back = returns_[i];
         if (excess < back.excess - 1.0)
@@ -401,7 +387,7 @@ bool StopMonitor::atRest(const MotionState& nominal) const {
 
 void StopMonitor::describe(const Violation& violation, const RobotDescription& robot, char* text,
                            std::size_t size) const {
-    const char* const jointName = robot.joints[static_cast<std::size_t>(violation.joint)].name.c_str();
+    const char* const jointName = robot.joints[violation.joint].name.c_str();
     const char* const unit = getUnit(violation.limit, robot.slides(violation.joint));
     const char* side = getName(violation.side);
     const char* quantity = getName(violation.limit, LimitSide::Neither);

@@ -78,10 +78,9 @@ private:
         HeldQuantity held = HeldQuantity::Jerk;
         std::array<Segments, kMaxJoints> joints{};
     };
+    enum Quantity { Position, Velocity, Acceleration, Jerk, kQuantities };
     /** Per quantity: the threshold for rounding. */
-    struct Tolerances {
-        double position, velocity, acceleration, jerk;
-    };
+    using Tolerances = std::array<double, kQuantities>;
     struct Path;
     /** How near a recovering joint has come, and since when it is not nearer. */
     struct ReturnState {

@@ -136,10 +136,6 @@ void ToolTouch::learnStiffness(double force) {
     if (stiffness_ == 0.0 || depth < kLead) stiffness_ = force / depth;
 }
 
-ToolSurface ToolTouch::surface() const {
-    return {normal_, offset_ - kLead};
-}
-
 /** The velocity along the normal [m/s]. */
 double ToolTouch::calcWanted() {
     const double softness = std::max(asked_ / kApproach, kContact_s * stiffness_);

@@ -59,7 +59,7 @@ public:
     /** Nothing has been felt for kContact_s. */
     bool hasLost() const { return air_s_ > kContact_s; }
     /** Where the nominal tool may be. */
-    ToolSurface surface() const;
+    ToolSurface surface() const { return {normal_, offset_ - kLead}; }
     /** Changes `real` to what the robust loop is to see.
     @param wants  the place that the command leads the tool to [m] */
     void see(const MotionState& nominal, const Dynamics& dynamics, const Eigen::Vector3d& wants, JointState& real);

@@ -168,10 +168,7 @@ public:
             return fault;
         }
         hasReading_ = true;
-        if (external)
-            external_ = *external;
-        else
-            external_.setZero();
+        external_ = external ? *external : JointVector(JointVector::Zero(n_));
         state_ = actual_ = reading;
         for (int i = 0; i < n_; ++i) {
             sensors_.take(i, reading, nominal);
@@ -410,15 +407,14 @@ void TorqueGuard::Inside::readMeasured(const JointState& measured, const JointVe
                       output.readingFault == ReadingFault::Malformed
                           ? "were of the wrong size or not finite"
                           : "jumped: they are not taken as plausible (see TorqueGuardOptions::largestSpeed)");
-        stop(GuardStop::NoReadings, StopReason::PlantFailed, message);
-        return;
+        return stop(GuardStop::NoReadings, StopReason::PlantFailed, message);
     }
     useless = 0;
     const int far = arm.findFar();
     if (far < 0) return;
     robustLoop.holdIntegral();
     if (ownReason == GuardStop::TooFar) return;
-    const JointDescription& joint = robot.joints[static_cast<std::size_t>(far)];
+    const JointDescription& joint = robot.joints[far];
     const char* const unit = joint.type == JointType::Prismatic ? "m" : "rad";
     std::snprintf(
         message, sizeof message,
@@ -436,18 +432,13 @@ void TorqueGuard::Inside::answer() noexcept {
     output.acting = record.joints;
     output.lawFailed = record.substituted > substituted;
     substituted = record.substituted;
-    if (!arm.wasDriven()) {  // neither filter nor stop gave numbers
-        arm.release(largestReleaseStep, setup.tick_s);
-        output.torque = arm.sent();
-        output.motorsSaturated = output.rateLimited = false;
-        output.status = GuardStatus::Failed;
-        return;
-    }
+    const bool isDriven = arm.wasDriven();  // else neither filter nor stop gave numbers
+    if (!isDriven) arm.release(largestReleaseStep, setup.tick_s);
     output.torque = arm.sent();
-    output.motorsSaturated = arm.isSaturated();
-    output.rateLimited = arm.isRateLimited();
-    output.status = detail::findStatus(*loop, record);
-    if (waits && output.status != GuardStatus::Stopped && output.status != GuardStatus::Stopping)
+    output.motorsSaturated = isDriven && arm.isSaturated();
+    output.rateLimited = isDriven && arm.isRateLimited();
+    output.status = isDriven ? detail::findStatus(*loop, record) : GuardStatus::Failed;
+    if (waits && isDriven && output.status != GuardStatus::Stopped && output.status != GuardStatus::Stopping)
         output.status = GuardStatus::Waiting;
 }
 

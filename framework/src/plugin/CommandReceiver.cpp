@@ -116,7 +116,7 @@ one that is longer than all the others together is a gap. */
 void CommandReceiver::learnPeriod(double interval_s) {
     if (intervalCount_ > 0 && isOtherSender(interval_s)) intervalCount_ = 0;
     if (intervalCount_ == 0) streak_ = 0;
-    intervals_[static_cast<std::size_t>(intervalCount_++ % kIntervals)] = interval_s;
+    intervals_[intervalCount_++ % kIntervals] = interval_s;
     const auto count = static_cast<std::size_t>(std::min<std::int64_t>(intervalCount_, kIntervals));
     std::array<double, kIntervals> sorted = intervals_;
     std::sort(sorted.data(), sorted.data() + count);
@@ -170,10 +170,7 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
         return;
     }
     findNextVelocity(before, lasted_s);
-    if (period_s_ > kLongestPeriod_s) {
-        stop(goal_);
-        return;
-    }
+    if (period_s_ > kLongestPeriod_s) return stop(goal_);
     meets_s_ = std::max(sent_s_ + period_s_, t + kShortestBlend * period_s_);
     stands_s_ = std::max(meets_s_, sent_s_ + kOverdue * period_s_);
     updateWay(now);

@@ -16,10 +16,6 @@ void LatencyHistogram::merge(const LatencyHistogram& other) {
     count_ += other.count_;
 }
 
-double LatencyHistogram::calcMean_ns() const {
-    return count_ > 0 ? sum_ns_ / static_cast<double>(count_) : 0.0;
-}
-
 double LatencyHistogram::calcQuantile_ns(double share) const {
     if (count_ == 0) return 0.0;
     const double wanted = std::ceil(std::clamp(share, 0.0, 1.0) * static_cast<double>(count_));

@@ -40,7 +40,7 @@ public:
 
     std::int64_t count() const { return count_; }
     // All below are 0 (worstTick(): kNoTick) while nothing has been counted.
-    double calcMean_ns() const;
+    double calcMean_ns() const { return count_ > 0 ? sum_ns_ / static_cast<double>(count_) : 0.0; }
     std::int64_t smallest_ns() const { return smallest_ns_; }
     std::int64_t worst_ns() const { return worst_ns_; }
     /** The tick of the worst time, the first one where several were as bad. */

@@ -126,10 +126,7 @@ std::string forLatencyFile(bool isContainer, int code) {
 }
 
 std::string makeForRoot(const std::string& remedy) {
-    constexpr char kSudo[] = "sudo ";
-    std::string text = remedy;
-    for (std::size_t at; (at = text.find(kSudo)) != std::string::npos;) text.erase(at, sizeof kSudo - 1);
-    return text;
+    return detail::replaceAll(remedy, "sudo ", "");
 }
 
 }  // namespace remedy
@@ -167,7 +164,7 @@ void RealTimeState::lockMemory(const MemoryRoom& room) {
         why = "mlockall: " + describeError(errno);
         munlockall();  // part of it may be locked
     } else {
-        memoryLock_ = lock;
+        held_.memoryLock = lock;
         return;
     }
     refuse("memory is not locked, and may be paged out", why, remedy::forMemory(isInContainer()));
@@ -177,12 +174,12 @@ void RealTimeState::setProcessor(int cpu) {
     cpu_set_t wanted;
     CPU_ZERO(&wanted);
     if (cpu < CPU_SETSIZE) CPU_SET(cpu, &wanted);
-    if (sched_setaffinity(thread_, sizeof wanted, &wanted) == 0) {
-        cpu_ = cpu;
+    if (sched_setaffinity(held_.thread, sizeof wanted, &wanted) == 0) {
+        held_.cpu = cpu;
         return;
     }
     refuse("the loop is not tied to processor " + std::to_string(cpu),
-           "this process may use the processors " + listProcessors(processorsBefore_),
+           "this process may use the processors " + listProcessors(before_.processors),
            "Name one of these, or give it more: taskset, cgroup cpuset, or docker run --cpuset-cpus");
 }
 
@@ -190,8 +187,8 @@ void RealTimeState::setPriority(int priority) {
     const auto take = [this](int wanted) {
         sched_param parameter{};
         parameter.sched_priority = wanted;
-        if (sched_setscheduler(thread_, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameter) != 0) return errno;
-        priority_ = wanted;
+        if (sched_setscheduler(held_.thread, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameter) != 0) return errno;
+        held_.priority = wanted;
         return 0;
     };
     const int code = take(priority);
@@ -203,7 +200,7 @@ void RealTimeState::setPriority(int priority) {
         refuse("the loop has no real-time priority", wanted + " does not exist", "Choose 1 to 99");
     } else if (limit.rlim_cur > 0 && limit.rlim_cur < 100 && take(static_cast<int>(limit.rlim_cur)) == 0) {
         refuse("the loop has a lower priority than asked for",
-               std::to_string(priority_) + " is allowed, not " + std::to_string(priority) + " (ulimit -r)",
+               std::to_string(held_.priority) + " is allowed, not " + std::to_string(priority) + " (ulimit -r)",
                remedy::forPriority(isInContainer()));
     } else if (limit.rlim_cur == 0 && geteuid() != 0) {
         refuse("the loop has no real-time priority", "none is allowed to this user (ulimit -r is 0)",
@@ -218,7 +215,7 @@ void RealTimeState::holdLatency() {
     const int file = open(kLatencyPath, O_WRONLY | O_CLOEXEC);
     const std::int32_t none_us = 0;
     if (file >= 0 && write(file, &none_us, sizeof none_us) == static_cast<ssize_t>(sizeof none_us)) {
-        latencyFile_ = file;
+        held_.latencyFile = file;
         return;
     }
     const int code = errno;
@@ -229,10 +226,10 @@ void RealTimeState::holdLatency() {
 
 RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room) {
     RealTimeState state;
-    state.thread_ = static_cast<pid_t>(syscall(SYS_gettid));
-    state.policyBefore_ = sched_getscheduler(state.thread_);
-    sched_getparam(state.thread_, &state.parameterBefore_);
-    sched_getaffinity(state.thread_, sizeof state.processorsBefore_, &state.processorsBefore_);
+    state.held_.thread = static_cast<pid_t>(syscall(SYS_gettid));
+    state.before_.policy = sched_getscheduler(state.held_.thread);
+    sched_getparam(state.held_.thread, &state.before_.parameter);
+    sched_getaffinity(state.held_.thread, sizeof state.before_.processors, &state.before_.processors);
     state.refusals_.reserve(4);
 
     mallopt(M_TRIM_THRESHOLD, -1);  // freed memory stays ours, faulted in
@@ -242,27 +239,23 @@ RealTimeState enterRealTime(const RealTimeWish& wish, const MemoryRoom& room) {
     if (wish.cpu >= 0) state.setProcessor(wish.cpu);
     if (wish.priority != 0) state.holdLatency();
     if (wish.priority != 0) state.setPriority(wish.priority);
-    state.isRealTime_ = state.priority_ > 0 && state.priority_ == wish.priority &&
-                        state.cpu_ == std::max(wish.cpu, -1) &&
-                        (!wish.lockMemory || state.memoryLock_ != MemoryLock::None);
+    state.held_.isRealTime = state.held_.priority > 0 && state.held_.priority == wish.priority &&
+                             state.held_.cpu == std::max(wish.cpu, -1) &&
+                             (!wish.lockMemory || state.held_.memoryLock != MemoryLock::None);
     return state;
 }
 
 void RealTimeState::leave() {
-    if (thread_ == 0) return;
+    if (held_.thread == 0) return;
     // Without privileges the mark that its threads do not inherit the priority cannot be taken off again.
-    if (priority_ > 0 && sched_setscheduler(thread_, policyBefore_, &parameterBefore_) != 0)
-        sched_setscheduler(thread_, policyBefore_ | SCHED_RESET_ON_FORK, &parameterBefore_);
-    if (cpu_ >= 0) sched_setaffinity(thread_, sizeof processorsBefore_, &processorsBefore_);
-    if (memoryLock_ != MemoryLock::None) munlockall();
-    if (latencyFile_ >= 0) close(latencyFile_);
+    if (held_.priority > 0 && sched_setscheduler(held_.thread, before_.policy, &before_.parameter) != 0)
+        sched_setscheduler(held_.thread, before_.policy | SCHED_RESET_ON_FORK, &before_.parameter);
+    if (held_.cpu >= 0) sched_setaffinity(held_.thread, sizeof before_.processors, &before_.processors);
+    if (held_.memoryLock != MemoryLock::None) munlockall();
+    if (held_.latencyFile >= 0) close(held_.latencyFile);
     mallopt(M_TRIM_THRESHOLD, 128 * 1024);  // glibc's own
     mallopt(M_MMAP_MAX, 65536);
-    thread_ = 0;
-    isRealTime_ = false;
-    priority_ = 0;
-    cpu_ = latencyFile_ = -1;
-    memoryLock_ = MemoryLock::None;
+    held_ = {};
 }
 
 RealTimeState::RealTimeState(RealTimeState&& other) noexcept {
@@ -272,15 +265,8 @@ RealTimeState::RealTimeState(RealTimeState&& other) noexcept {
 RealTimeState& RealTimeState::operator=(RealTimeState&& other) noexcept {
     if (this == &other) return *this;
     leave();
-    isRealTime_ = std::exchange(other.isRealTime_, false);
-    priority_ = std::exchange(other.priority_, 0);
-    cpu_ = std::exchange(other.cpu_, -1);
-    memoryLock_ = std::exchange(other.memoryLock_, MemoryLock::None);
-    latencyFile_ = std::exchange(other.latencyFile_, -1);
-    thread_ = std::exchange(other.thread_, 0);
-    policyBefore_ = other.policyBefore_;
-    parameterBefore_ = other.parameterBefore_;
-    processorsBefore_ = other.processorsBefore_;
+    held_ = std::exchange(other.held_, {});
+    before_ = other.before_;
     refusals_ = std::move(other.refusals_);
     return *this;
 }

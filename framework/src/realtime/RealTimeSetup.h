@@ -62,14 +62,14 @@ public:
     ~RealTimeState() { leave(); }
 
     /** It has a priority, and all that was wished for. The file of latencies, which nobody wished for, may be missing. */
-    bool isRealTime() const { return isRealTime_; }
+    bool isRealTime() const { return held_.isRealTime; }
     /** Of SCHED_FIFO, may be less than wished; 0: none. */
-    int priority() const { return priority_; }
+    int priority() const { return held_.priority; }
     /** The only processor it runs on; -1: any. */
-    int cpu() const { return cpu_; }
-    MemoryLock memoryLock() const { return memoryLock_; }
+    int cpu() const { return held_.cpu; }
+    MemoryLock memoryLock() const { return held_.memoryLock; }
     /** /dev/cpu_dma_latency is held at 0: no processor sleeps deeply. */
-    bool holdsLatency() const { return latencyFile_ >= 0; }
+    bool holdsLatency() const { return held_.latencyFile >= 0; }
     const std::vector<RealTimeRefusal>& refusals() const { return refusals_; }
 
     /** Gives all back; harmless when called again. */
@@ -83,14 +83,18 @@ private:
     void holdLatency();
     void refuse(std::string what, std::string why, std::string remedy);
 
-    bool isRealTime_ = false;
-    int priority_ = 0, cpu_ = -1;
-    MemoryLock memoryLock_ = MemoryLock::None;
-    int latencyFile_ = -1;
-    pid_t thread_ = 0;  // 0: nothing to undo
-    int policyBefore_ = SCHED_OTHER;
-    sched_param parameterBefore_{};
-    cpu_set_t processorsBefore_{};
+    struct Held {
+        bool isRealTime = false;
+        int priority = 0, cpu = -1;
+        MemoryLock memoryLock = MemoryLock::None;
+        int latencyFile = -1;
+        pid_t thread = 0;  // 0: nothing to undo
+    } held_;
+    struct {
+        int policy = SCHED_OTHER;
+        sched_param parameter{};
+        cpu_set_t processors{};
+    } before_;
     std::vector<RealTimeRefusal> refusals_;
 };
 

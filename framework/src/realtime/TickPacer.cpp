@@ -3,7 +3,6 @@
 #include <time.h>
 
 #include <cerrno>
-#include <cmath>
 
 namespace viable {
 
@@ -17,10 +16,6 @@ std::int64_t TickPacer::readClock_ns() {
     timespec now{};
     clock_gettime(CLOCK_MONOTONIC, &now);
     return static_cast<std::int64_t>(now.tv_sec) * kSecond_ns + now.tv_nsec;
-}
-
-std::int64_t TickPacer::getTime_ns(std::int64_t tick) const {
-    return start_ns_ + std::llround(static_cast<double>(tick) * tick_ns_);
 }
 
 WakeUp TickPacer::wait() {

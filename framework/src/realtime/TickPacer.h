@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 namespace viable {
@@ -48,7 +49,9 @@ public:
     static std::int64_t readClock_ns();
 
 private:
-    std::int64_t getTime_ns(std::int64_t tick) const;
+    std::int64_t getTime_ns(std::int64_t tick) const {
+        return start_ns_ + std::llround(static_cast<double>(tick) * tick_ns_);
+    }
 
     double tick_ns_;
     std::int64_t start_ns_ = 0, tick_ = 0;

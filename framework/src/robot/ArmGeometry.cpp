@@ -43,12 +43,10 @@ ArmGeometry loadArmGeometry(const RobotDescription& robot) {
     const int count = static_cast<int>(geometry.capsules.size());
     for (int i = 0; i < count; ++i) {
         for (int j = i + 1; j < count; ++j) {
-            const LinkCapsule& a = geometry.capsules[static_cast<std::size_t>(i)];
-            const LinkCapsule& b = geometry.capsules[static_cast<std::size_t>(j)];
+            const LinkCapsule& a = geometry.capsules[i];
+            const LinkCapsule& b = geometry.capsules[j];
             if (a.carrier == b.carrier) continue;  // no joint moves one against the other
-            if (!mayTouch(read, geometry.links[static_cast<std::size_t>(a.link)],
-                          geometry.links[static_cast<std::size_t>(b.link)]))
-                geometry.pairs.emplace_back(i, j);
+            if (!mayTouch(read, geometry.links[a.link], geometry.links[b.link])) geometry.pairs.emplace_back(i, j);
         }
     }
     return geometry;

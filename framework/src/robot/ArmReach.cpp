@@ -12,7 +12,7 @@ Eigen::AlignedBox3d calcReach(const RobotDescription& robot, const ArmGeometry& 
         // Farthest point of the capsule from the origin of one moving frame after the other, towards the base.
         double distance = std::max(capsule.a.norm(), capsule.b.norm()) + capsule.radius;
         for (int i = capsule.carrier; i >= 0;) {
-            const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
+            const JointDescription& joint = robot.joints[i];
             if (joint.type == JointType::Prismatic)
                 distance += std::max(std::abs(limits.position.lower[i]), std::abs(limits.position.upper[i]));
             const Eigen::Vector3d origin = joint.placement.translation();

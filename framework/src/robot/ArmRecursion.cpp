@@ -179,13 +179,13 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gr
     VIABLE_CHECK(robot.actuation.rotorInertia.size() == n_, "one rotor inertia per joint");
     std::array<Matrix3d, kMaxJoints> axisFrame;
     for (int i = 0; i < n_; ++i) {
-        const JointDescription& from = robot.joints[index(i)];
+        const JointDescription& from = robot.joints[i];
         VIABLE_CHECK(from.parent >= -1 && from.parent < i, "parents come before children");
-        movers_[index(i)] = 1u << i | (from.parent < 0 ? 0u : movers_[index(from.parent)]);
+        movers_[i] = 1u << i | (from.parent < 0 ? 0u : movers_[from.parent]);
 
         const Matrix3d placed = from.placement.linear();
         const bool isPrismatic = from.type == JointType::Prismatic;
-        FramePlacement& placement = placements_[index(i)];
+        FramePlacement& placement = placements_[i];
         const Matrix3d alongAxis = from.axis * from.axis.transpose();  // Rodrigues
         placement.fixed = isPrismatic ? placed : placed * alongAxis;
         placement.cosine = placed * (Matrix3d::Identity() - alongAxis);
@@ -193,10 +193,10 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gr
         placement.origin = from.placement.translation();
         placement.axis = placed * from.axis;
 
-        Matrix3d& own = axisFrame[index(i)];
+        Matrix3d& own = axisFrame[i];
         own = detail::makeAxisFrame(from.axis);
-        const Matrix3d before = from.parent < 0 ? Matrix3d::Identity() : axisFrame[index(from.parent)];
-        Joint& joint = joints_[index(i)];
+        const Matrix3d before = from.parent < 0 ? Matrix3d::Identity() : axisFrame[from.parent];
+        Joint& joint = joints_[i];
         joint.rotation = before.transpose() * placed * own;
         joint.origin = before.transpose() * placement.origin;
         joint.parent = from.parent;
@@ -211,16 +211,16 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gr
     toolParent_ = robot.toolParent;
     VIABLE_CHECK(toolParent_ < n_, "the tool hangs on a joint");
     if (toolParent_ >= 0) {
-        const Matrix3d inward = axisFrame[index(toolParent_)].transpose();
+        const Matrix3d inward = axisFrame[toolParent_].transpose();
         toolRotation_ = inward * robot.toolPlacement.linear();
         toolOrigin_ = inward * robot.toolPlacement.translation();
     }
     // From the tips inwards: mass on a revolute joint's axis moves with the link before it.
     for (int i = n_ - 1; i >= 0; --i) {
-        Joint& joint = joints_[index(i)];
+        Joint& joint = joints_[i];
         if (joint.isPrismatic) continue;
         if (joint.parent >= 0) {
-            Joint& before = joints_[index(joint.parent)];
+            Joint& before = joints_[joint.parent];
             const Vector3d& p = joint.origin;
             const Vector3d e = joint.rotation.col(2);
             before.mass += joint.mass;
@@ -235,8 +235,8 @@ ArmRecursion::ArmRecursion(const RobotDescription& robot) : n_(robot.size()), gr
 void ArmRecursion::calcFrames(const JointVector& q, Frames& frames) const {
     VIABLE_CHECK(q.size() == n_, "q has one entry per joint");
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[index(i)];
-        const FramePlacement& from = placements_[index(i)];
+        const Joint& joint = joints_[i];
+        const FramePlacement& from = placements_[i];
         Matrix3d turned = from.fixed;
         Vector3d place = from.origin;
         if (joint.isPrismatic) {
@@ -245,17 +245,17 @@ void ArmRecursion::calcFrames(const JointVector& q, Frames& frames) const {
             const Angle angle = calcAngle(q[i]);
             turned += angle.c * from.cosine + angle.s * from.sine;
         }
-        Matrix3d& rotation = frames.rotation[index(i)];
-        Vector3d& origin = frames.origin[index(i)];
-        Vector3d& axis = frames.axis[index(i)];
+        Matrix3d& rotation = frames.rotation[i];
+        Vector3d& origin = frames.origin[i];
+        Vector3d& axis = frames.axis[i];
         if (joint.parent < 0) {
             rotation = turned;
             origin = place;
             axis = from.axis;
         } else {
-            const Matrix3d& before = frames.rotation[index(joint.parent)];
+            const Matrix3d& before = frames.rotation[joint.parent];
             rotation = before.lazyProduct(turned);
-            origin = frames.origin[index(joint.parent)] + before.lazyProduct(place);
+            origin = frames.origin[joint.parent] + before.lazyProduct(place);
             axis = before.lazyProduct(from.axis);
         }
     }
@@ -274,9 +274,9 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
     std::array<Triple<Pair>, kMaxJoints> loads;  // force, moment about the frame's origin
 
     for (int i = 0; i < n_; ++i) {
-        const Joint& joint = joints_[index(i)];
+        const Joint& joint = joints_[i];
         const Matrix3d& R = joint.rotation;
-        Motion& motion = motions[index(i)];
+        Motion& motion = motions[i];
         if (!joint.isPrismatic) motion.angle = calcAngle(q[i]);
         const Angle angle = motion.angle;
 
@@ -286,7 +286,7 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             spin = {Pair{0.0, 0.0}, Pair{0.0, 0.0}, Pair{0.0, 0.0}};
             a = {-gravity_.x(), -gravity_.y(), -gravity_.z()};
         } else {
-            const Motion& before = motions[index(joint.parent)];
+            const Motion& before = motions[joint.parent];
             spin = turnInwards(R, angle, before.spin);
             double px = joint.origin.x(), py = joint.origin.y(), pz = joint.origin.z();
             if (joint.isPrismatic) {
@@ -308,7 +308,7 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             a.y -= 2.0 * qd[i] * spin.x[0];
             a.z += qdd[i];
             const Swing U(spin);
-            loads[index(i)] = calcSlidingLoad(joint.mass, h, E, U, a);
+            loads[i] = calcSlidingLoad(joint.mass, h, E, U, a);
             motion.swing = U;
         } else {
             const double wx = spin.x[0], wy = spin.y[0];
@@ -316,7 +316,7 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
             spin.y -= Pair{0.0, qd[i] * wx};
             spin.z += Pair{qd[i], qdd[i]};
             const Swing U(spin);
-            loads[index(i)] = calcTurningLoad(h, E, U, a);
+            loads[i] = calcTurningLoad(h, E, U, a);
             motion.swing = U;
         }
         motion.spin = spin;
@@ -325,14 +325,14 @@ void ArmRecursion::calcTorque(const JointVector& q, const JointVector& qd, const
 
     tau.resize(n_);
     for (int i = n_ - 1; i >= 0; --i) {
-        const Joint& joint = joints_[index(i)];
-        tau[i] = loads[index(i)].z[joint.isPrismatic ? 0 : 1] + joint.rotorInertia * qdd[i];
+        const Joint& joint = joints_[i];
+        tau[i] = loads[i].z[joint.isPrismatic ? 0 : 1] + joint.rotorInertia * qdd[i];
         if (joint.parent < 0) continue;
         const Matrix3d& R = joint.rotation;
-        const Triple<Pair> load = turnOutwards(R, motions[index(i)].angle, loads[index(i)]);
+        const Triple<Pair> load = turnOutwards(R, motions[i].angle, loads[i]);
         Vector3d p = joint.origin;
         if (joint.isPrismatic) p += q[i] * R.col(2);
-        loads[index(joint.parent)] += shift(p, load);
+        loads[joint.parent] += shift(p, load);
     }
 }
 
@@ -347,14 +347,14 @@ struct ArmRecursion::Pass {
     explicit Pass(const ArmRecursion& recursion) : arm(recursion) {}
 
     void place(int i, double q) {
-        const Joint& joint = arm.joints_[index(i)];
+        const Joint& joint = arm.joints_[i];
         const Matrix3d& R = joint.rotation;
-        Matrix3d& E = rotation[index(i)];
-        origin[index(i)] = joint.origin;
-        carried[index(i)] = Composite(joint.mass, joint.moment, joint.second);
+        Matrix3d& E = rotation[i];
+        origin[i] = joint.origin;
+        carried[i] = Composite(joint.mass, joint.moment, joint.second);
         if (joint.isPrismatic) {
             E = R;
-            origin[index(i)] += q * R.col(2);
+            origin[i] += q * R.col(2);
         } else {
             const Angle angle = calcAngle(q);
             E.col(0) = angle.c * R.col(0) + angle.s * R.col(1);
@@ -366,20 +366,20 @@ struct ArmRecursion::Pass {
     /** The row of joint i in M, left of and on the diagonal, once all that it carries is known; and what it carries goes to
     the joint before. */
     void addInertia(int i, JointMatrix& M) {
-        const Joint& joint = arm.joints_[index(i)];
-        const Composite& own = carried[index(i)];
+        const Joint& joint = arm.joints_[i];
+        const Composite& own = carried[i];
         if (joint.isPrismatic) {
-            column[index(i)] = {Pair{0.0, own.hy}, Pair{0.0, -own.hx}, Pair{own.mass, 0.0}};
+            column[i] = {Pair{0.0, own.hy}, Pair{0.0, -own.hx}, Pair{own.mass, 0.0}};
             M(i, i) = own.mass + joint.rotorInertia;
         } else {
-            column[index(i)] = {Pair{-own.hy, -own.xz}, Pair{own.hx, -own.yz}, Pair{0.0, own.xx + own.yy}};
+            column[i] = {Pair{-own.hy, -own.xz}, Pair{own.hx, -own.yz}, Pair{0.0, own.xx + own.yy}};
             M(i, i) = own.xx + own.yy + joint.rotorInertia;
         }
         if (joint.parent < 0) return;
-        const Joint& before = arm.joints_[index(joint.parent)];
-        const Matrix3d& E = rotation[index(i)];
-        const Vector3d& p = origin[index(i)];
-        carried[index(joint.parent)].add(own, E, p);
+        const Joint& before = arm.joints_[joint.parent];
+        const Matrix3d& E = rotation[i];
+        const Vector3d& p = origin[i];
+        carried[joint.parent].add(own, E, p);
         if (before.parent < 0) {  // the way ends there: only the part along that joint is asked for
             const int lane = before.isPrismatic ? 0 : 1;
             Triple<Pair> along;
@@ -391,7 +391,7 @@ struct ArmRecursion::Pass {
                          Pair{p.x() * E(1, 2) - p.y() * E(0, 2), E(2, 2)}};
             for (int j = i; j < arm.n_; ++j) {
                 if (!arm.moves(i, j)) continue;
-                const Triple<Pair>& load = column[index(j)];
+                const Triple<Pair>& load = column[j];
                 const Pair sum = along.x * load.x + along.y * load.y + along.z * load.z;
                 M(joint.parent, j) = M(j, joint.parent) = sum[0] + sum[1];
             }
@@ -399,7 +399,7 @@ struct ArmRecursion::Pass {
         }
         for (int j = i; j < arm.n_; ++j) {
             if (!arm.moves(i, j)) continue;
-            Triple<Pair>& load = column[index(j)];
+            Triple<Pair>& load = column[j];
             load = shift(p, turnOutwards(E, load));
             M(joint.parent, j) = M(j, joint.parent) = load.z[before.isPrismatic ? 0 : 1];
         }
@@ -433,18 +433,18 @@ void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dyn
 
     for (int i = 0; i < n_; ++i) {
         pass.place(i, q[i]);
-        const Joint& joint = joints_[index(i)];
-        const Matrix3d& E = pass.rotation[index(i)];
-        const Vector3d& p = pass.origin[index(i)];
+        const Joint& joint = joints_[i];
+        const Matrix3d& E = pass.rotation[i];
+        const Vector3d& p = pass.origin[i];
         const bool movesTool = moves(i, toolParent_);
-        Place& place = places[index(i)];
+        Place& place = places[i];
         Triple<Pair> spin, a;
         if (joint.parent < 0) {
             spin = {Pair{0.0, 0.0}, Pair{0.0, 0.0}, Pair{0.0, 0.0}};
             a = {Pair{0.0, gravity_.x()}, Pair{0.0, gravity_.y()}, Pair{0.0, gravity_.z()}};
             if (movesTool) place = {E, p};
         } else {
-            const Motion& before = motions[index(joint.parent)];
+            const Motion& before = motions[joint.parent];
             const Swing& U = before.swing;
             spin = turnInwards(E, before.spin);
             a = before.acceleration;
@@ -452,27 +452,26 @@ void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dyn
             a.y += Pair{U.yx * p.x() + U.yy * p.y() + U.yz * p.z(), 0.0};
             a.z += Pair{U.zx * p.x() + U.zy * p.y() + U.zz * p.z(), 0.0};
             if (movesTool) {
-                const Place& from = places[index(joint.parent)];
+                const Place& from = places[joint.parent];
                 place.rotation.noalias() = from.rotation * E;
                 place.origin.noalias() = from.rotation * p;
                 place.origin += from.origin;
             }
         }
         a = turnInwards(E, a);
-        Motion& motion = motions[index(i)];
+        Motion& motion = motions[i];
         if (joint.isPrismatic) {
             a.x += Pair{2.0 * qd[i] * spin.y[0], 0.0};
             a.y -= Pair{2.0 * qd[i] * spin.x[0], 0.0};
             motion.swing = Swing(spin);
-            loads[index(i)] =
-                calcSlidingLoad(joint.mass, joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
+            loads[i] = calcSlidingLoad(joint.mass, joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
         } else {
             const double wx = spin.x[0], wy = spin.y[0];
             spin.x += Pair{0.0, qd[i] * wy};
             spin.y -= Pair{0.0, qd[i] * wx};
             spin.z += Pair{qd[i], 0.0};
             motion.swing = Swing(spin);
-            loads[index(i)] = calcTurningLoad(joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
+            loads[i] = calcTurningLoad(joint.moment, joint.second, motion.swing, {a.x[0], a.y[0], a.z[0]});
         }
         motion.spin = spin;
         motion.acceleration = a;
@@ -482,27 +481,26 @@ void ArmRecursion::calcDynamics(const JointVector& q, const JointVector& qd, Dyn
     out.b.resize(n_);
     out.gravity.resize(n_);
     for (int i = n_ - 1; i >= 0; --i) {  // from the tips inwards
-        const Joint& joint = joints_[index(i)];
+        const Joint& joint = joints_[i];
         pass.addInertia(i, out.M);
-        const Composite& own = pass.carried[index(i)];
-        const Triple<Pair>& a = motions[index(i)].acceleration;
+        const Composite& own = pass.carried[i];
+        const Triple<Pair>& a = motions[i].acceleration;
         out.gravity[i] = joint.isPrismatic ? -own.mass * a.z[1] : own.hy * a.x[1] - own.hx * a.y[1];
-        out.b[i] = loads[index(i)].z[joint.isPrismatic ? 0 : 1] + out.gravity[i];
+        out.b[i] = loads[i].z[joint.isPrismatic ? 0 : 1] + out.gravity[i];
         if (joint.parent < 0) continue;
-        loads[index(joint.parent)] +=
-            shift(pass.origin[index(i)], turnOutwards(pass.rotation[index(i)], loads[index(i)]));
+        loads[joint.parent] += shift(pass.origin[i], turnOutwards(pass.rotation[i], loads[i]));
     }
 
-    const Place& carrier = places[index(toolParent_)];
+    const Place& carrier = places[toolParent_];
     out.tool.position = carrier.origin + carrier.rotation * toolOrigin_;
     out.tool.orientation = Eigen::Quaterniond(Matrix3d(carrier.rotation * toolRotation_));
     out.J.setZero(6, n_);
-    for (int i = toolParent_; i >= 0; i = joints_[index(i)].parent) {
-        const Vector3d axis = places[index(i)].rotation.col(2);
-        if (joints_[index(i)].isPrismatic) {
+    for (int i = toolParent_; i >= 0; i = joints_[i].parent) {
+        const Vector3d axis = places[i].rotation.col(2);
+        if (joints_[i].isPrismatic) {
             out.J.col(i).head<3>() = axis;
         } else {
-            out.J.col(i).head<3>() = axis.cross(out.tool.position - places[index(i)].origin);
+            out.J.col(i).head<3>() = axis.cross(out.tool.position - places[i].origin);
             out.J.col(i).tail<3>() = axis;
         }
     }

@@ -42,15 +42,13 @@ public:
     joint. */
     void calcDynamics(const JointVector& q, const JointVector& qd, Dynamics& out) const;
 
-    bool isPrismatic(int joint) const { return joints_[index(joint)].isPrismatic; }
+    bool isPrismatic(int joint) const { return joints_[joint].isPrismatic; }
     /** The joint before `joint`; -1: it stands on the base. */
-    int parent(int joint) const { return joints_[index(joint)].parent; }
+    int parent(int joint) const { return joints_[joint].parent; }
     /** True when moving `joint` moves what `carrier` (-1: the base) carries. */
-    bool moves(int joint, int carrier) const { return carrier >= 0 && (movers_[index(carrier)] >> joint & 1u) != 0; }
+    bool moves(int joint, int carrier) const { return carrier >= 0 && (movers_[carrier] >> joint & 1u) != 0; }
 
 private:
-    static std::size_t index(int joint) { return static_cast<std::size_t>(joint); }
-
     /** A joint and its link, for torques: in frames that have the joint's axis along z. */
     struct Joint {
         Eigen::Matrix3d rotation;  ///< its frame at q = 0, seen from that of the joint before

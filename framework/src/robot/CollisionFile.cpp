@@ -11,30 +11,18 @@ namespace {
 constexpr double kFarthest_m = 1e3;  ///< no arm is larger
 
 struct Capsule {
-    Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();
-    double radius = 0.0;
+    LinkShape shape;
 
     template <class V>
     void describe(V& v) {
-        v(from, "from", "m", "One end of its axis, in the link's frame.")
+        v(shape.from, "from", "m", "One end of its axis, in the link's frame.")
             .atLeast(-kFarthest_m)
             .upTo(kFarthest_m)
             .required();
-        v(to, "to", "m", "The other end.").atLeast(-kFarthest_m).upTo(kFarthest_m).required();
-        v(radius, "radius", "m", "Around the axis.").above(0).upTo(kFarthest_m).required();
+        v(shape.to, "to", "m", "The other end.").atLeast(-kFarthest_m).upTo(kFarthest_m).required();
+        v(shape.radius, "radius", "m", "Around the axis.").above(0).upTo(kFarthest_m).required();
     }
 };
-
-LinkShape readCapsule(const ConfigNode& node) {
-    Capsule capsule;
-    readSettings(node, capsule);
-    LinkShape shape;
-    shape.kind = LinkShape::Kind::Capsule;
-    shape.from = capsule.from;
-    shape.to = capsule.to;
-    shape.radius = capsule.radius;
-    return shape;
-}
 
 class CollisionFileReader {
 public:
@@ -64,11 +52,12 @@ private:
             if (capsules.kind != ConfigNode::Kind::List || capsules.items.empty())
                 throw badInput(capsules.place(), "the capsules of a link are a list",
                                "Write a list of {from, to, radius}; leave out a link that has none.");
-            LinkShapes& link = file.links.emplace_back();
-            link.link = name;
-            link.carrier = place.carrier;
-            link.placement = place.placement;
-            for (const ConfigNode& item : capsules.items) link.shapes.push_back(readCapsule(item));
+            LinkShapes& link = file.links.emplace_back(LinkShapes{name, place.carrier, place.placement, {}, {}});
+            for (const ConfigNode& item : capsules.items) {
+                Capsule capsule;
+                readSettings(item, capsule);
+                link.shapes.push_back(std::move(capsule.shape));
+            }
             count += link.shapes.size();
             if (count > kMaxCapsules)
                 throw badInput(capsules.place(),

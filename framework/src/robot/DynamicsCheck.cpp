@@ -26,10 +26,10 @@ struct Scale {
         double turning = 0.0, sliding = 0.0;
         std::array<double, kMaxJoints> reach{};
         for (int i = 0; i < robot.size(); ++i) {
-            const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
-            double& own = reach[static_cast<std::size_t>(i)];
+            const JointDescription& joint = robot.joints[i];
+            double& own = reach[i];
             own = joint.placement.translation().norm() + (robot.slides(i) ? std::abs(q[i]) : 0.0);
-            if (joint.parent >= 0) own += reach[static_cast<std::size_t>(joint.parent)];
+            if (joint.parent >= 0) own += reach[joint.parent];
             const double own_kg = joint.body.mass;
             const double gyration = own_kg > 0.0 ? std::sqrt(std::max(joint.body.inertia.trace(), 0.0) / own_kg) : 0.0;
             length = std::max(length, own + joint.body.com.norm() + gyration);
@@ -77,7 +77,7 @@ void checkRecursion(const RobotDescription& robot, const ArmRecursion& recursion
     std::mt19937_64 random(kSeed);
     const int n = robot.size();
     JointVector reach(n);
-    for (int i = 0; i < n; ++i) reach[i] = getFreeReach(robot.joints[static_cast<std::size_t>(i)].type);
+    for (int i = 0; i < n; ++i) reach[i] = getFreeReach(robot.joints[i].type);
     const JointBounds poses = makeFinite(robot.limits.position, reach);
     const JointBounds velocities{JointVector::Constant(n, -kSpeed), JointVector::Constant(n, kSpeed)};
     Dynamics expected, found;
@@ -87,8 +87,7 @@ void checkRecursion(const RobotDescription& robot, const ArmRecursion& recursion
         recursion.calcDynamics(q, qd, found);
         const DynamicsDifference worst = compareDynamics(robot, q, qd, expected, found);
         if (worst.size <= kDynamicsTolerance) continue;
-        const std::string part =
-            worst.joint < 0 ? "the tool" : "joint `" + robot.joints[static_cast<std::size_t>(worst.joint)].name + "`";
+        const std::string part = worst.joint < 0 ? "the tool" : "joint `" + robot.joints[worst.joint].name + "`";
         throw badInput(where,
                        "the recursive dynamics differ from Simbody's: the " + std::string(worst.what) + " of " + part +
                            " by " + formatNumber(worst.size) + " of its size (rounding is below " +

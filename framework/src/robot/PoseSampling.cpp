@@ -27,7 +27,7 @@ std::vector<JointVector> samplePoses(const JointLimits& limits, int count) {
             const double lower = range.lower[i], upper = range.upper[i];
             const double places[] = {lower, upper, std::clamp(0.0, lower, upper), 0.5 * (lower + upper)};
             const double share = drawShare(random);
-            poses[static_cast<std::size_t>(k)][i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
+            poses[k][i] = k % 2 == 0 ? places[random() % 4] : lower + share * (upper - lower);
         }
     return poses;
 }

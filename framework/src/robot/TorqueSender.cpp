@@ -49,8 +49,8 @@ RobotDescription withConvention(RobotDescription robot, const TorqueConvention& 
         const double most = actuation.friction.coulomb[i] + actuation.friction.viscous[i];
         if (!(actuation.torqueLimit[i] > most))
             throw badInput("TorqueConvention::addsFriction",
-                           "the friction of joint `" + robot.joints[static_cast<std::size_t>(i)].name +
-                               "` takes up to " + detail::formatNumber(most) + " Nm of the " +
+                           "the friction of joint `" + robot.joints[i].name + "` takes up to " +
+                               detail::formatNumber(most) + " Nm of the " +
                                detail::formatNumber(actuation.torqueLimit[i]) + " Nm that its motor gives",
                            "Correct the figures of friction or the torque limit (actuation.yaml).");
         actuation.torqueLimit[i] -= most;
@@ -69,8 +69,8 @@ TorqueSender::TorqueSender(const RobotDescription& robot, const TorqueConvention
     for (int i = 0; i < robot.size(); ++i)
         if (!(rate[i] > 0.0))
             throw badInput("TorqueConvention::torqueRate",
-                           detail::formatNumber(rate[i]) + " Nm/s for joint `" +
-                               robot.joints[static_cast<std::size_t>(i)].name + "`; allowed is above 0, or infinity",
+                           detail::formatNumber(rate[i]) + " Nm/s for joint `" + robot.joints[i].name +
+                               "`; allowed is above 0, or infinity",
                            "Without this limit: infinity.");
     impl_ = std::make_unique<Impl>(robot, convention, tick_s);
 }

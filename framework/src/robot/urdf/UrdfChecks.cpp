@@ -27,10 +27,9 @@ std::string proposeChains(const std::string& file, const UrdfTree& tree) {
     const auto write = [&](const UrdfChain& chain, const std::string& name) {
         const std::vector<int> joints = tree.listJoints(chain);
         std::string command = "`viable new robot " + name + " --urdf " + quoteForShell(file) + " --tip " +
-                              quoteForShell(tree.links[static_cast<std::size_t>(tree.findEnd(chain))].name);
+                              quoteForShell(tree.links[tree.findEnd(chain)].name);
         if (joints.size() > kMaxJoints)
-            command += " --base " +
-                       quoteForShell(tree.joints[static_cast<std::size_t>(joints[joints.size() - kMaxJoints])].parent);
+            command += " --base " + quoteForShell(tree.joints[joints[joints.size() - kMaxJoints]].parent);
         return command + "`";
     };
     const bool hasTwo = chains.size() > 1 && chains[0].count == chains[1].count && chains[0].length == chains[1].length;
@@ -170,7 +169,7 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
         return errors.add(document.file(), "the robot has no links", "A URDF names links, and joints between them.");
     if (!errors.isEmpty()) return;  // what hangs together is known only then
     std::vector<bool> isReached(tree.joints.size());
-    for (const int j : tree.outwards) isReached[static_cast<std::size_t>(j)] = true;
+    for (const int j : tree.outwards) isReached[j] = true;
     const UrdfTree::Link* base = nullptr;
     for (const UrdfTree::Link& link : tree.links) {
         if (link.carrier < 0 && !base) {
@@ -180,8 +179,8 @@ void checkUrdfTree(UrdfDocument& document, ErrorList& errors) {
                        "link " + quoteName(link.name) + " is not connected; the base is link " + quoteName(base->name),
                        "Add the joint that carries it, or remove it. `viable new robot --assume` leaves out what has "
                        "no moving joint.");
-        } else if (!isReached[static_cast<std::size_t>(link.carrier)]) {
-            const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(link.carrier)];
+        } else if (!isReached[link.carrier]) {
+            const UrdfTree::Joint& joint = tree.joints[link.carrier];
             errors.add(document.place(*joint.element),
                        "joint " + quoteName(joint.name) + " is part of a loop, or hangs on one", kOpenLoop);
         }
@@ -205,9 +204,9 @@ void checkUrdfElements(UrdfDocument& document, ErrorList& errors) {
         if (isMoved[i]) hasMass[i] = checkInertial(document, tree.links[i], errors) > 0.0;
     const std::vector<bool> carriesMass = tree.findCarried(hasMass);
     for (const int j : tree.outwards) {
-        const UrdfTree::Joint& joint = tree.joints[static_cast<std::size_t>(j)];
-        if (!joint.isMoving || carriesMass[static_cast<std::size_t>(j)]) continue;
-        errors.add(document.place(*tree.links[static_cast<std::size_t>(joint.childLink)].element),
+        const UrdfTree::Joint& joint = tree.joints[j];
+        if (!joint.isMoving || carriesMass[j]) continue;
+        errors.add(document.place(*tree.links[joint.childLink].element),
                    "link " + quoteName(joint.child) + ", moved by joint " + quoteName(joint.name) + ", has no mass",
                    std::string("Give it an <inertial> element with mass and inertia, or make the joint fixed. ") +
                        kAssumesMass);

@@ -287,29 +287,24 @@ std::string UrdfDocument::place(const XmlElement& element) const {
 
 UrdfTree::UrdfTree(UrdfDocument& document) {
     for (XmlElement* element : document.list("link")) {
-        Link link;
-        link.element = element;
-        link.name = getAttribute(element, "name");
-        if (link.name.empty() || !find.emplace(link.name, static_cast<int>(links.size())).second) continue;
-        links.push_back(std::move(link));
+        const std::string name = getAttribute(element, "name");
+        if (name.empty() || !find.emplace(name, static_cast<int>(links.size())).second) continue;
+        links.push_back({element, name, -1, {}});
     }
     for (XmlElement* element : document.list("joint")) {
-        Joint joint;
-        joint.element = element;
-        joint.name = getAttribute(element, "name");
-        joint.type = getAttribute(element, "type");
-        joint.parent = getAttribute(element->FirstChildElement("parent"), "link");
-        joint.child = getAttribute(element->FirstChildElement("child"), "link");
+        Joint joint{element, getAttribute(element, "name"), getAttribute(element, "type"),
+                    getAttribute(element->FirstChildElement("parent"), "link"),
+                    getAttribute(element->FirstChildElement("child"), "link")};
         joint.isMoving = joint.type != "fixed";
         if (joint.name.empty()) continue;
         const int index = static_cast<int>(joints.size());
         if (const auto parent = find.find(joint.parent); parent != find.end()) {
             joint.parentLink = parent->second;
-            links[static_cast<std::size_t>(parent->second)].joints.push_back(index);
+            links[parent->second].joints.push_back(index);
         }
         if (const auto child = find.find(joint.child); child != find.end()) {
             joint.childLink = child->second;
-            links[static_cast<std::size_t>(child->second)].carrier = index;
+            links[child->second].carrier = index;
         }
         joints.push_back(std::move(joint));
     }
@@ -317,10 +312,10 @@ UrdfTree::UrdfTree(UrdfDocument& document) {
     for (std::size_t i = 0; i < links.size(); ++i)
         if (links[i].carrier < 0) reached.push_back(static_cast<int>(i));
     for (std::size_t k = 0; k < reached.size(); ++k)
-        for (const int j : links[static_cast<std::size_t>(reached[k])].joints) {
-            const int child = joints[static_cast<std::size_t>(j)].childLink;
+        for (const int j : links[reached[k]].joints) {
+            const int child = joints[j].childLink;
             // Of two joints with one child only the last carries it.
-            if (child < 0 || links[static_cast<std::size_t>(child)].carrier != j) continue;
+            if (child < 0 || links[child].carrier != j) continue;
             outwards.push_back(j);
             reached.push_back(child);
         }
@@ -329,10 +324,10 @@ UrdfTree::UrdfTree(UrdfDocument& document) {
 std::vector<int> UrdfTree::listJointsAbove(int link) const {
     std::vector<int> above;
     while (link >= 0 && above.size() <= joints.size()) {
-        const int joint = links[static_cast<std::size_t>(link)].carrier;
+        const int joint = links[link].carrier;
         if (joint < 0) break;
         above.push_back(joint);
-        link = joints[static_cast<std::size_t>(joint)].parentLink;
+        link = joints[joint].parentLink;
     }
     return above;
 }
@@ -340,9 +335,8 @@ std::vector<int> UrdfTree::listJointsAbove(int link) const {
 std::vector<bool> UrdfTree::findMovingBeyond() const {
     std::vector<bool> beyond(joints.size());
     for (auto j = outwards.rbegin(); j != outwards.rend(); ++j) {
-        const int before = links[static_cast<std::size_t>(joints[static_cast<std::size_t>(*j)].parentLink)].carrier;
-        if (before >= 0 && (joints[static_cast<std::size_t>(*j)].isMoving || beyond[static_cast<std::size_t>(*j)]))
-            beyond[static_cast<std::size_t>(before)] = true;
+        const int before = links[joints[*j].parentLink].carrier;
+        if (before >= 0 && (joints[*j].isMoving || beyond[*j])) beyond[before] = true;
     }
     return beyond;
 }
@@ -350,9 +344,8 @@ std::vector<bool> UrdfTree::findMovingBeyond() const {
 std::vector<bool> UrdfTree::findMoved() const {
     std::vector<bool> moved(links.size());
     for (const int j : outwards) {
-        const Joint& joint = joints[static_cast<std::size_t>(j)];
-        moved[static_cast<std::size_t>(joint.childLink)] =
-            joint.isMoving || moved[static_cast<std::size_t>(joint.parentLink)];
+        const Joint& joint = joints[j];
+        moved[joint.childLink] = joint.isMoving || moved[joint.parentLink];
     }
     return moved;
 }
@@ -360,11 +353,10 @@ std::vector<bool> UrdfTree::findMoved() const {
 std::vector<bool> UrdfTree::findCarried(const std::vector<bool>& has) const {
     std::vector<bool> carried(joints.size());
     for (auto j = outwards.rbegin(); j != outwards.rend(); ++j) {
-        const Joint& joint = joints[static_cast<std::size_t>(*j)];
-        if (has[static_cast<std::size_t>(joint.childLink)]) carried[static_cast<std::size_t>(*j)] = true;
-        const int before = links[static_cast<std::size_t>(joint.parentLink)].carrier;
-        if (before >= 0 && !joint.isMoving && carried[static_cast<std::size_t>(*j)])
-            carried[static_cast<std::size_t>(before)] = true;
+        const Joint& joint = joints[*j];
+        if (has[joint.childLink]) carried[*j] = true;
+        const int before = links[joint.parentLink].carrier;
+        if (before >= 0 && !joint.isMoving && carried[*j]) carried[before] = true;
     }
     return carried;
 }
@@ -373,15 +365,15 @@ std::vector<UrdfChain> UrdfTree::listChains() const {
     const std::vector<bool> beyond = findMovingBeyond();
     std::vector<UrdfChain> to(links.size()), chains;
     for (const int j : outwards) {
-        const Joint& joint = joints[static_cast<std::size_t>(j)];
-        UrdfChain& chain = to[static_cast<std::size_t>(joint.childLink)];
-        chain = to[static_cast<std::size_t>(joint.parentLink)];
+        const Joint& joint = joints[j];
+        UrdfChain& chain = to[joint.childLink];
+        chain = to[joint.parentLink];
         const auto origin = readOrigin(*joint.element);
         if (origin && chain.count > 0) chain.length += origin->translation().norm();
         if (!joint.isMoving) continue;
         ++chain.count;
         chain.last = j;
-        if (!beyond[static_cast<std::size_t>(j)]) chains.push_back(chain);
+        if (!beyond[j]) chains.push_back(chain);
     }
     // To a tenth of a millimetre: of two arms alike, the first.
     for (UrdfChain& chain : chains) chain.length = std::round(1e4 * chain.length) / 1e4;
@@ -392,16 +384,15 @@ std::vector<UrdfChain> UrdfTree::listChains() const {
 }
 
 int UrdfTree::findEnd(const UrdfChain& chain) const {
-    int end = joints[static_cast<std::size_t>(chain.last)].childLink;
-    while (links[static_cast<std::size_t>(end)].joints.size() == 1)
-        end = joints[static_cast<std::size_t>(links[static_cast<std::size_t>(end)].joints.front())].childLink;
+    int end = joints[chain.last].childLink;
+    while (links[end].joints.size() == 1) end = joints[links[end].joints.front()].childLink;
     return end;
 }
 
 std::vector<int> UrdfTree::listJoints(const UrdfChain& chain) const {
     std::vector<int> moving;
-    for (const int j : listJointsAbove(joints[static_cast<std::size_t>(chain.last)].childLink))
-        if (joints[static_cast<std::size_t>(j)].isMoving) moving.push_back(j);
+    for (const int j : listJointsAbove(joints[chain.last].childLink))
+        if (joints[j].isMoving) moving.push_back(j);
     std::reverse(moving.begin(), moving.end());
     return moving;
 }
@@ -411,9 +402,9 @@ std::string UrdfTree::describe(const UrdfChain& chain) const {
     const std::vector<int> chosen = listJoints(chain);
     std::string names;
     for (std::size_t k = 0; k < std::min(chosen.size(), kMost); ++k)
-        names += (k > 0 ? ", " : "") + joints[static_cast<std::size_t>(chosen[k])].name;
-    return quoteName(links[static_cast<std::size_t>(findEnd(chain))].name) + " (" + std::to_string(chain.count) + ": " +
-           names + (chosen.size() > kMost ? ", ..." : "") + ")";
+        names += (k > 0 ? ", " : "") + joints[chosen[k]].name;
+    return quoteName(links[findEnd(chain)].name) + " (" + std::to_string(chain.count) + ": " + names +
+           (chosen.size() > kMost ? ", ..." : "") + ")";
 }
 
 std::string quoteName(const std::string& name) {

@@ -72,12 +72,11 @@ public:
         // Fixed joints as soon as their parent has its place, then the first moving one of the file that can.
         std::set<std::pair<bool, int>> ready;
         const auto addReady = [&](int link) {
-            for (const int j : tree_.links[static_cast<std::size_t>(link)].joints)
-                ready.emplace(tree_.joints[static_cast<std::size_t>(j)].isMoving, j);
+            for (const int j : tree_.links[link].joints) ready.emplace(tree_.joints[j].isMoving, j);
         };
         addReady(tree_.find.at(model_->getRoot()->name));
         while (!ready.empty()) {
-            const UrdfTree::Joint& joint = tree_.joints[static_cast<std::size_t>(ready.begin()->second)];
+            const UrdfTree::Joint& joint = tree_.joints[ready.begin()->second];
             ready.erase(ready.begin());
             add(*model_->getJoint(joint.name), document_.place(*joint.element), robot.links.at(joint.parent), robot);
             addReady(joint.childLink);
@@ -116,11 +115,11 @@ private:
 
     void add(const urdf::Joint& joint, const std::string& place, const UrdfRobot::LinkPlace& parent, UrdfRobot& robot) {
         const Eigen::Isometry3d placement = parent.placement * toEigen(joint.parent_to_joint_origin_transform);
-        if (joint.type == urdf::Joint::FIXED) {
-            robot.links[joint.child_link_name] = {parent.carrier, placement};
-            return;
-        }
+        const bool isFixed = joint.type == urdf::Joint::FIXED;
         const int index = static_cast<int>(robot.joints.size());
+        robot.links[joint.child_link_name] = {isFixed ? parent.carrier : index,
+                                              isFixed ? placement : Eigen::Isometry3d::Identity()};
+        if (isFixed) return;
         JointDescription description;
         description.name = joint.name;
         description.childLink = joint.child_link_name;
@@ -142,7 +141,6 @@ private:
         robot.joints.push_back(description);
         robot.jointPlaces.push_back(place);
         robot.parentLinks.push_back(joint.parent_link_name);
-        robot.links[joint.child_link_name] = {index, Eigen::Isometry3d::Identity()};
     }
 
     void addBodies(UrdfRobot& robot) const {
@@ -176,11 +174,7 @@ private:
 
     /** The link's visual and collision elements. What has no sensible size is left out. */
     static void addShapes(const urdf::Link& link, const UrdfRobot::LinkPlace& place, UrdfRobot& robot) {
-        LinkShapes visual;
-        visual.link = link.name;
-        visual.carrier = place.carrier;
-        visual.placement = place.placement;
-        LinkShapes collision = visual;
+        LinkShapes visual{link.name, place.carrier, place.placement, {}, {}}, collision = visual;
         const auto add = [](const urdf::GeometrySharedPtr& geometry, const urdf::Pose& origin, LinkShapes& to) {
             LinkShape shape;
             if (geometry && readShape(*geometry, shape)) {
