@@ -108,21 +108,11 @@ double calcShapeReach(const UrdfRobot& robot, const std::string& link, const Eig
     double reach = 0.0;
     if (found == robot.shapes.end()) return reach;
     for (const LinkShape& shape : found->second.shapes) {
-        double size = 0.0;
-        switch (shape.kind) {
-            case LinkShape::Kind::Sphere:
-                size = shape.radius;
-                break;
-            case LinkShape::Kind::Box:
-                size = 0.5 * shape.size.norm();
-                break;
-            case LinkShape::Kind::Cylinder:
-                size = std::hypot(0.5 * shape.length, shape.radius);
-                break;
-            case LinkShape::Kind::Capsule:
-            case LinkShape::Kind::Mesh:
-                continue;
-        }
+        using Kind = LinkShape::Kind;
+        if (shape.kind == Kind::Capsule || shape.kind == Kind::Mesh) continue;
+        const double size = shape.kind == Kind::Sphere ? shape.radius
+                            : shape.kind == Kind::Box  ? 0.5 * shape.size.norm()
+                                                       : std::hypot(0.5 * shape.length, shape.radius);
         reach = std::max(reach, (shape.pose.translation() - center).norm() + size);
     }
     return reach;

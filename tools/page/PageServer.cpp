@@ -393,8 +393,7 @@ private:
             now_ = texts_.front();
             texts_.pop_front();
         } else {
-            now_ = std::move(frame_);
-            frame_.reset();
+            now_ = std::exchange(frame_, nullptr);
         }
         socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
             if (error) return self->end();
@@ -710,8 +709,7 @@ template <class Run>
 void PageServer::Impl::serve(const Run& run) {
     for (;;) {
         try {
-            run();
-            return;
+            return run();
         } catch (const std::exception&) {  // of one connection, which has ended with it
             ++server_.counts_.refusedRequests;
         }

@@ -198,22 +198,12 @@ SweepRow unpackRow(const std::string& bytes) {
     row.caseName = from.readText();
     const auto count = from.take<std::uint64_t>();
     for (std::uint64_t i = 0; i < count; ++i) {
-        switch (from.take<std::uint8_t>()) {
-            case 0:
-                row.values.emplace_back();
-                break;
-            case 1:
-                row.values.emplace_back(from.take<double>());
-                break;
-            case 2:
-                row.values.emplace_back(from.take<std::int64_t>());
-                break;
-            case 3:
-                row.values.emplace_back(from.readText());
-                break;
-            default:
-                throw std::runtime_error("a row of the sweep has a value of no known type");
-        }
+        SweepValue& value = row.values.emplace_back();
+        const auto type = from.take<std::uint8_t>();
+        if (type == 1) value = from.take<double>();
+        if (type == 2) value = from.take<std::int64_t>();
+        if (type == 3) value = from.readText();
+        if (type > 3) throw std::runtime_error("a row of the sweep has a value of no known type");
     }
     if (!from.isAtEnd()) throw std::runtime_error("a row of the sweep has more than it says");
     return row;
