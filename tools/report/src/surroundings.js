@@ -176,7 +176,7 @@ class Mark {
   at = new Vector3(); // of the label
 
   constructor(stage, geometries) {
-    this.label = el('span', { class: 'nearest-label', hidden: true });
+    this.label = el('span.nearest-label', { hidden: true });
     stage.append(this.label);
     this.material = new MeshBasicMaterial({ transparent: true, depthTest: false });
     this.parts = geometries.map((geometry) => new Mesh(geometry, this.material));

@@ -21,8 +21,8 @@ export class Panel {
   constructor(name, height, ...head) {
     this.height = height;
     this.canvas = el('canvas', { role: 'img' });
-    this.stage = el('div', { class: 'sweep-stage', style: { height: `${height}px` } }, this.canvas);
-    this.root = el('figure', { class: 'panel', 'data-name': name }, el('figcaption', {}, ...head), this.stage);
+    this.stage = el('div.sweep-stage', { style: { height: `${height}px` } }, this.canvas);
+    this.root = el('figure.panel', { 'data-name': name }, el('figcaption', ...head), this.stage);
     this.root.panel = this;
     this.stage.panel = this;
     observer.observe(this.root);
