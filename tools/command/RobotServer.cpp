@@ -253,10 +253,6 @@ void RobotServer::sendState() {
     sendDue(now_ns_);
 }
 
-double RobotServer::sinceHost_s() const {
-    return robot_.has_host ? static_cast<double>(robot_.tick - hostTick_) * tick_s_ : 0.0;
-}
-
 void RobotServer::fail(bool& flag, const char* what) {
     if (!flag) tell(what);
     flag = true;

@@ -522,19 +522,11 @@ public:
 };
 
 std::unique_ptr<Subject> makeSubject(const PluginInfo& info, const RunSetup& setup) {
-    switch (info.kind) {
-        case PluginKind::CommandSource:
-            return std::make_unique<CommandSubject>(info, setup);
-        case PluginKind::NominalController:
-            return std::make_unique<ControllerSubject>(info, setup);
-        case PluginKind::SafetyFilter:
-            return std::make_unique<FilterSubject>(info, setup);
-        case PluginKind::RobustLoop:
-            return std::make_unique<RobustLoopSubject>(info, setup);
-        case PluginKind::RealPlant:
-            return std::make_unique<PlantSubject>(info, setup);
-    }
-    return nullptr;
+    if (info.kind == PluginKind::CommandSource) return std::make_unique<CommandSubject>(info, setup);
+    if (info.kind == PluginKind::NominalController) return std::make_unique<ControllerSubject>(info, setup);
+    if (info.kind == PluginKind::SafetyFilter) return std::make_unique<FilterSubject>(info, setup);
+    if (info.kind == PluginKind::RobustLoop) return std::make_unique<RobustLoopSubject>(info, setup);
+    return std::make_unique<PlantSubject>(info, setup);
 }
 
 // --- The suite ----------------------------------------------------------------------------------

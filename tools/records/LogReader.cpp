@@ -6,30 +6,10 @@
 
 #include "core/Text.h"
 #include "log/LimitKinds.h"
-#include "log/LogFields.h"
 #include "log/LogSeries.h"
 #include "records/McapFile.h"
 
 namespace viable {
-
-bool LogColumn::isText() const {
-    return field_->isText();
-}
-bool LogColumn::isInteger() const {
-    return field_->kind == LogKind::Integer;
-}
-bool LogColumn::mayLack() const {
-    return field_->mayLack;
-}
-double LogColumn::getNumber(const TickRecord& record) const {
-    return isInteger() ? static_cast<double>(field_->integer(record)) : field_->getNumber(record, index_);
-}
-std::int64_t LogColumn::getInteger(const TickRecord& record) const {
-    return field_->integer(record);
-}
-const char* LogColumn::getText(const TickRecord& record) const {
-    return field_->text(record, index_);
-}
 
 namespace {
 

@@ -104,11 +104,6 @@ json describeBits() {
     return names;
 }
 
-/** 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted. */
-std::uint16_t toCode(FilterStatus status) {
-    return std::min<std::uint16_t>(static_cast<std::uint16_t>(status), 5);
-}
-
 /** How many ticks took how long. */
 class TickTimes {
 public:
@@ -220,7 +215,8 @@ public:
         if (hasToolCommand_) addTool(r);
         tracks_.add(values_);
         limits_.add(actives_);
-        status_.add({toCode(r.status)});
+        // 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted.
+        status_.add({std::min<std::uint16_t>(static_cast<std::uint16_t>(r.status), 5)});
         addPose(nominal_, r.nominal.q);
         if (hasRealArm_) addPose(real_, r.real.q);
         // How long a tick is only the second row tells: whether the first one was late, too.

@@ -60,10 +60,6 @@ std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
            "STL, OBJ, PLY, DAE or glTF.";
 }
 
-const char* getName(JointType type) {
-    return enumName<JointType::Prismatic>(type, {"revolute", "continuous", "prismatic"}, "");
-}
-
 }  // namespace
 
 json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block, json& joints) {
@@ -77,7 +73,8 @@ json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block,
     }
     if (robot.size() != static_cast<int>(joints.size())) return nullptr;  // another robot by now
     for (int i = 0; i < robot.size(); ++i)
-        joints[static_cast<std::size_t>(i)]["kind"] = getName(robot.joints[static_cast<std::size_t>(i)].type);
+        joints[static_cast<std::size_t>(i)]["kind"] = enumName<JointType::Prismatic>(
+            robot.joints[static_cast<std::size_t>(i)].type, {"revolute", "continuous", "prismatic"}, "");
     const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
     json links = json::array();
     // The base, then the moving frame of joint i as link i + 1, then what has shapes.

@@ -42,9 +42,7 @@ export function createHelp(dialog) {
     list(FINGERS),
     el('form', { method: 'dialog' }, button({ class: 'chip', text: 'Close', onclick: () => dialog.close() })),
   );
-  dialog.addEventListener('click', (event) => {
-    if (event.target === dialog) dialog.close();
-  });
+  dialog.addEventListener('click', ({ target }) => target === dialog && dialog.close());
   return () => dialog.showModal();
 }
 

@@ -139,15 +139,9 @@ async function begin() {
 function start() {
   initTheme(() => page.emit('theme'));
   link.on('live', () => begin().catch(explain));
-  link.on('open', () => {
-    end = '';
-  });
-  link.on('event', () => {
-    hadFault ||= link.event.asker === 'fault';
-  });
-  link.on('close', () => {
-    part('loading').hidden = true;
-  });
+  link.on('open', () => (end = ''));
+  link.on('event', () => (hadFault ||= link.event.asker === 'fault'));
+  link.on('close', () => (part('loading').hidden = true));
   link.on('open close silence', tellTrouble);
   link.open();
 }

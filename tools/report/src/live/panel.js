@@ -76,20 +76,15 @@ export class Bar {
     link.on('invitation', () => link.say('watch'));
     link.on('watch', () => this.#showInvitation());
     this.run = run;
-    addEventListener('keydown', ({ key }) => {
-      if (key === 'Escape') this.#invitation?.close(); // by itself only a dialog that locks the page does
-    });
+    // By itself only a dialog that locks the page closes.
+    addEventListener('keydown', ({ key }) => key === 'Escape' && this.#invitation?.close());
     // Space brakes, whatever has the focus: nothing is written on this page, and a button in focus is not pressed.
-    for (const kind of ['keydown', 'keyup'])
-      addEventListener(
-        kind,
-        (event) => {
-          if (event.key !== ' ') return;
-          event.preventDefault();
-          if (kind === 'keydown' && !event.repeat) link.say('pause');
-        },
-        { capture: true },
-      );
+    const brake = (event) => {
+      if (event.key !== ' ') return;
+      event.preventDefault();
+      if (event.type === 'keydown' && !event.repeat) link.say('pause');
+    };
+    for (const kind of ['keydown', 'keyup']) addEventListener(kind, brake, { capture: true });
     this.#update();
   }
 
@@ -304,7 +299,7 @@ export class HandPanel {
     this.#q = [...frame('q')];
     if (this.sliders && !this.hand.isPressed) this.#placeSliders(frame);
     for (const slider of this.sliders ?? []) slider.disabled = !(state === 'running' && this.link.isOperator && !this.link.isSilent);
-    const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
+    const [[hand], [refusal]] = [frame('hand'), frame('refusal')];
     const isRunning = state === 'running';
     this.#keepActing(frame, isRunning && hand === 1);
     if (this.link.isSilent || performance.now() - this.last < PERIOD_MS) return;
@@ -395,12 +390,7 @@ export class TimePanel {
     this.last = 0;
     this.run = run;
     this.cells = new Map();
-    const rows = [
-      ['time', 'Time'],
-      ['tick', 'Tick computed in'],
-      ['worst', 'Slowest tick'],
-      ['missed', 'Missed ticks'],
-    ];
+    const rows = [['time', 'Time'], ['tick', 'Tick computed in'], ['worst', 'Slowest tick'], ['missed', 'Missed ticks']];
     if (run.moves === 'tool') rows.unshift(['error', 'Tool from target']);
     if (run.environment) rows.unshift(['clearance', 'Nearest']);
     if (run.hasContact) rows.unshift(['contact', 'Contact']);
@@ -454,9 +444,8 @@ export function viewHead(view, run, headset) {
     el(
       'span.chips',
       ...parts.map(([part, text, title]) => {
-        const onclick = () => setPressed(chip, view.togglePart(part));
-        const chip = button({ class: 'chip', text, title, 'aria-pressed': 'true', onclick });
-        return chip;
+        const onclick = ({ currentTarget }) => setPressed(currentTarget, view.togglePart(part));
+        return button({ class: 'chip', text, title, 'aria-pressed': 'true', onclick });
       }),
     ),
     el('span.push'),

@@ -31,9 +31,7 @@ export function phonePad(view, hand) {
       note.textContent = 'This browser does not tell how the phone is turned: allow it in its settings, and load the page again.';
       return;
     }
-    addEventListener('deviceorientation', (event) => {
-      orientation = orientationOf(event);
-    });
+    addEventListener('deviceorientation', (event) => (orientation = orientationOf(event)));
     enable.hidden = true;
     pad.hidden = false;
   }

@@ -29,9 +29,7 @@ export class Placed {
     this.control.setSize(0.7);
     view.scene.add(this.control.getHelper());
     this.control.addEventListener('change', () => view.ask());
-    this.control.addEventListener('dragging-changed', ({ value }) => {
-      view.orbit.enabled = !value;
-    });
+    this.control.addEventListener('dragging-changed', ({ value }) => (view.orbit.enabled = !value));
     this.control.addEventListener('objectChange', () => this.#drag());
     this.control.addEventListener('axis-changed', ({ value }) => view.yieldDrag(value !== null));
     for (const event of ['pointercancel', 'lostpointercapture'])

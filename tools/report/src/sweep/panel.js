@@ -3,15 +3,9 @@ import { CanvasPainter } from '../painter.js';
 import { schedule } from '../schedule.js';
 import { colours } from '../theme.js';
 
-const observer = new IntersectionObserver(
-  (entries) => {
-    for (const { target, isIntersecting } of entries) target.panel.setVisible(isIntersecting);
-  },
-  { rootMargin: '200px 0px' },
-);
-const sizes = new ResizeObserver((entries) => {
-  for (const { target } of entries) target.panel.invalidate();
-});
+const tell = ({ target, isIntersecting }) => target.panel.setVisible(isIntersecting);
+const observer = new IntersectionObserver((entries) => entries.forEach(tell), { rootMargin: '200px 0px' });
+const sizes = new ResizeObserver((entries) => entries.forEach(({ target }) => target.panel.invalidate()));
 
 /** A figure with a head and a canvas; draws only while it is in view. `draw(painter, size)` is the heir's. */
 export class Panel {

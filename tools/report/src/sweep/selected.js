@@ -41,7 +41,5 @@ export function createSelected(host, state) {
     );
   };
   state.on('select result', show);
-  addEventListener('keydown', (event) => {
-    if (event.key === 'Escape' && state.selected !== null) state.select(state.selected);
-  });
+  addEventListener('keydown', ({ key }) => key === 'Escape' && state.selected !== null && state.select(state.selected));
 }
