@@ -81,9 +81,7 @@ SweepValue makeValue(const std::string& text) {
 
 template <class Number>
 void put(std::string& bytes, Number number) {
-    char raw[sizeof number];
-    std::memcpy(raw, &number, sizeof number);
-    bytes.append(raw, sizeof number);
+    bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
 }
 
 void putText(std::string& bytes, const std::string& text) {

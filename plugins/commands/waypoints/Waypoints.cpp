@@ -75,10 +75,7 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
 }
 
 void Waypoints::reset(const MotionState& start) {
-    if (options_.isRelative)
-        offset_ = start.q;
-    else
-        offset_.setZero(n_);
+    offset_ = options_.isRelative ? start.q : JointVector(JointVector::Zero(n_));
 }
 
 TickStatus Waypoints::sample(double t, MotionCommand& out) {
