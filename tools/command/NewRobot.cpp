@@ -9,7 +9,6 @@
 #include "Commands.h"
 #include "Scaffold.h"
 #include "core/Text.h"
-#include "core/WholeFile.h"
 #include "draft/RobotDraft.h"
 
 namespace viable {

@@ -1,7 +1,6 @@
 #include "draft/BodyAssumptions.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/Text.h"
 #include "robot/RigidBody.h"
