@@ -269,7 +269,7 @@ struct Output {
     bool isFinite = true;
     bool hasRightSizes = true;
 
-    void addAny(double value) { values[static_cast<std::size_t>(count++)] = value; }
+    void addAny(double value) { values[count++] = value; }
     void add(double value) {
         addAny(value);
         isFinite = isFinite && std::isfinite(value);

@@ -47,7 +47,7 @@ std::string place(const std::string& where, const std::string& kind, const std::
 // --------------------------------------------------------------------------------------- joints
 
 DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<std::string>& warnings) {
-    const JointDescription& from = robot.joints[static_cast<std::size_t>(i)];
+    const JointDescription& from = robot.joints[i];
     DraftJoint joint;
     joint.name = from.name;
     joint.type = from.type;
@@ -55,7 +55,7 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<s
     joint.positionUpper = robot.position.upper[i];
     joint.velocity = robot.velocity.upper[i];
     joint.effort = robot.effort[i];
-    const std::string who = place(robot.jointPlaces[static_cast<std::size_t>(i)], "joint", joint.name);
+    const std::string who = place(robot.jointPlaces[i], "joint", joint.name);
     const auto blank = [&](const std::string& what, const std::string& key) {
         warnings.push_back(who + what + "; " + key + (assumes ? " is assumed." : " is left to be filled in."));
     };

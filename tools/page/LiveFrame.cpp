@@ -88,8 +88,8 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     addJoints("target_q", record.command.q);
     double rest[kMaxJoints], limit[kMaxJoints];
     for (int i = 0; i < n; ++i) {
-        rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
-        limit[i] = codeOf(record.joints[static_cast<std::size_t>(i)]);
+        rest[i] = record.stops[i].rest;
+        limit[i] = codeOf(record.joints[i]);
     }
     out.add("rest_q", rest, n, n);
     out.add("limit", limit, n, n);

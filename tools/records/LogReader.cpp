@@ -34,7 +34,7 @@ std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThe
         for (int joint = 0; joint < n; ++joint) {
             for (const LogField& field : channel.fields) {
                 if (!field.isPerJoint() || !isThere(channel, field)) continue;
-                const std::string& name = layout.jointNames[static_cast<std::size_t>(joint)];
+                const std::string& name = layout.jointNames[joint];
                 columns.emplace_back(channel.name + "." + name + "." + field.name, field, joint);
             }
         }

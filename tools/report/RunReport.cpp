@@ -206,8 +206,8 @@ public:
             const double last = acceleration;
             acceleration = rows_ > 0 && tick_s_ > 0.0 ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_ : kNan;
             jerk = (acceleration - last) / tick_s_;  // not a number before the third row
-            if (!external_.empty()) values_[index(i, kExternal)] = external_[static_cast<std::size_t>(i)]->getNumber(r);
-            actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
+            if (!external_.empty()) values_[index(i, kExternal)] = external_[i]->getNumber(r);
+            actives_[i] = toBit(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
         if (hasEnvironment_) addClearance(r);
@@ -231,7 +231,7 @@ public:
     json describe(BinaryBlock& block) const {
         json joints = json::array();
         for (int i = 0; i < n_; ++i) {
-            json series = constants_[static_cast<std::size_t>(i)];
+            json series = constants_[i];
             for (std::size_t k = 0; k < kQuantityCount; ++k)
                 series[kQuantities[k].name] =
                     isShown(kQuantities[k]) ? describeSeries(index(i, k), block) : json(nullptr);
@@ -300,7 +300,7 @@ private:
             values_[toolTrack() + 1] = calcDistance(calcTool_(r.actual.q.size() == n_ ? r.actual.q : r.real.q));
     }
     void addPose(detail::Samples& samples, const JointVector& q) {
-        for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
+        for (int i = 0; i < n_; ++i) pose_[i] = at(q, i);
         samples.add(pose_);
     }
     void addTake(const TickRecord& r) {
@@ -312,8 +312,8 @@ private:
     void addClearance(const TickRecord& r) {
         double duration_s = 0.0;
         for (int i = 0; i < n_; ++i) {
-            const TickRecord::Stop& stop = r.stops[static_cast<std::size_t>(i)];
-            pose_[static_cast<std::size_t>(i)] = stop.rest;
+            const TickRecord::Stop& stop = r.stops[i];
+            pose_[i] = stop.rest;
             duration_s = std::max(duration_s, stop.duration_s);
         }
         rest_.add(pose_);
