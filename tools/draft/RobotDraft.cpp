@@ -25,8 +25,7 @@ constexpr double kHeaviestLink = 1000.0;
 constexpr double kFarCenter = 3.0;
 /** How large a link is taken to be where the file shows nothing larger: for judging its centre of mass, and its
 inertia. [m] */
-constexpr double kAssumedReach = 0.5;
-constexpr double kAssumedSize = 0.1;
+constexpr double kAssumedReach = 0.5, kAssumedSize = 0.1;
 /** A body's radius of gyration is at most its size: kg mm^2, or a placeholder of ones. */
 constexpr double kLargeGyration = 3.0;
 /** A rod's, 0.58 of its half length, is thirty times this share of its reach: t m^2, or a thousandth forgotten. */
