@@ -266,8 +266,7 @@ struct Output {
     Outcome outcome = Outcome::Faulted;
     std::array<double, 256> values{};
     int count = 0;
-    bool isFinite = true;
-    bool hasRightSizes = true;
+    bool isFinite = true, hasRightSizes = true;
 
     void addAny(double value) { values[count++] = value; }
     void add(double value) {

@@ -252,8 +252,7 @@ private:
     const std::function<void(PageWish)> request_;
     asio::ssl::context tls_{asio::ssl::context::tls_server};
     unsigned short port_ = 0;
-    std::vector<std::string> authorities_, origins_;
-    std::vector<std::string> publicAuthorities_;
+    std::vector<std::string> authorities_, origins_, publicAuthorities_;
     std::string page_, policy_;
     const std::string watchSecret_ = makeRandomText();
 

@@ -404,10 +404,7 @@ struct LogReader::Impl {
 
     // A row is whole when every channel with a message in each row has given it.
     TickRecord row;
-    std::uint32_t rowSequence = 0;
-    std::uint32_t seen = 0;
-    std::uint32_t expected = 0;
-    std::uint32_t declared = 0;
+    std::uint32_t rowSequence = 0, seen = 0, expected = 0, declared = 0;
 };
 
 LogReader::LogReader(const std::filesystem::path& file) : impl_(std::make_unique<Impl>(file)) {}

@@ -74,10 +74,6 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     reset(setup.start);
 }
 
-void Waypoints::reset(const MotionState& start) {
-    offset_ = options_.isRelative ? start.q : JointVector(JointVector::Zero(n_));
-}
-
 TickStatus Waypoints::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
     if (!isFinite(offset_, n_)) return TickStatus::Faulted;

@@ -486,9 +486,7 @@ export class PlotArea {
     if (quantity.limit || (quantity.isError && hasBound)) {
       const title = 'What the y axis shows: the limits, with what is near them, or all data and nothing else';
       const chip = button({ class: 'chip', title, onclick: () => state.toggle('kinds', state.fitted, quantity.id) });
-      this.heads.push(() => {
-        chip.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits';
-      });
+      this.heads.push(() => (chip.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits'));
       buttons.push(chip);
     }
     return el('span.chips', ...buttons, this.#limitLegend(quantity));

@@ -138,9 +138,7 @@ export class Arm {
         own: link.color,
       };
     });
-    links.forEach(({ parent }, i) => {
-      (this.#links[parent]?.frame ?? this.root).add(this.#links[i].origin);
-    });
+    links.forEach(({ parent }, i) => (this.#links[parent]?.frame ?? this.root).add(this.#links[i].origin));
   }
 
   /** Where arms coincide, the one of the lowest layer is seen. */

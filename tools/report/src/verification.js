@@ -217,11 +217,7 @@ class VerificationChart {
       return `${before}${ends.every(isNumber) ? span(ends, this.#extent) : '–'}`;
     };
     const isInside = bucket >= 0 && bucket < y.length / 2;
-    const kinds = [
-      ['mean', ''],
-      ['band', 'band '],
-      ['raw', 'readings '],
-    ].filter(([kind]) => this.isShown(kind));
+    const kinds = [['mean', ''], ['band', 'band '], ['raw', 'readings ']].filter(([kind]) => this.isShown(kind));
     return [{ c: this.c, values: isInside ? kinds.map(([kind, before]) => text(kind, before)) : ['–'] }];
   }
 
