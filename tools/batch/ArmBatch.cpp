@@ -189,23 +189,365 @@ struct ArmBatch::Impl {
         return Eigen::Map<Eigen::VectorXd>(&values[count(arm) * count(n)], n);
     }
 
-    void makePlants();
-    void configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const;
-    void check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints, RunSetup& at) const;
-    void checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const;
-    void reset(const std::vector<int>& which, const std::vector<MotionState>& starts);
+    void makePlants() {
+        const PluginLoader loader(options.pluginPath);
+        const ConfigNode written = parseConfig("real_plant: " + options.plant + "\n", "ArmBatchOptions::plant");
+        for (const DrawnKey& key : listDraws(written)) draws[key.keyPath];
+        std::map<int, std::pair<LinearErrorLoop, detail::AuthoritySizes>> loops;  // by delay
+        for (int arm = 0; arm < arms; ++arm) {
+            ConfigNode drawn = written;
+            for (auto& [key, value] : resolveDraws(drawn, {options.seed, arm})) draws[key].push_back(value);
+            const PluginChoice choice = detail::readPlugin(*drawn.find("real_plant"), PluginKind::RealPlant, loader, n);
+            auto one = std::make_unique<RealArm>(setup);
+            one->setup.limits = limits[count(arm)];
+            one->plant = PluginLoader::create<RealPlant>(choice.plugin);
+            one->plant->configure(one->setup, choice.parameters);
+            if (one->plant->traits().hasClock)
+                throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
+                               "Use a simulated one, such as simbody.");
+            const PlantTraits told = one->plant->traits();
+            detail::checkTold(told, n, "the plant " + choice.plugin.name);
+            one->setup.delayTicks = told.delayTicks;
+            auto found = loops.find(one->setup.delayTicks);
+            if (found == loops.end()) {
+                LinearErrorLoop scaled = scaleGains(robot, setup.limits, tick_s, one->setup.delayTicks);
+                detail::AuthoritySizes sizes = detail::calcAuthority(setup, &scaled, nullptr);
+                found = loops.emplace(one->setup.delayTicks, std::pair(std::move(scaled), std::move(sizes))).first;
+            }
+            const auto& [loop, sizes] = found->second;
+            NricOptions nric{loop.kr, loop.kp, loop.ki};
+            nric.inertiaRate = loop.inertiaRate;
+            if (told.motorRate.size() > 0) nric.motorRate = told.motorRate;
+            one->nric.configure(one->setup, nric);
+            one->authority = detail::Authority(one->setup, sizes);
+            one->motorStep = told.motorRate * tick_s;
+            real.push_back(std::move(one));
+        }
+        for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
+            values->assign(count(arms) * count(n), 0.0);
+    }
+
+    /** Throws for a start that cannot be. */
+    void configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const {
+        at.geometry = &*geometry;
+        at.surroundings = &whole.feed;
+        WholeArmBrakingOptions chosen;
+        chosen.joints = joints;
+        whole.filter.configure(at, chosen, "ArmBatchOptions::filter");
+    }
+
+    /** Throws for a start that cannot be. */
+    void check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints, RunSetup& at) const {
+        if (!isFinite(start, n))
+            throw badInput(nameArm(arm), "its start is of the wrong size or not finite",
+                           "Give " + std::to_string(n) + " finite numbers.");
+        for (const JointVector* v : {&start.q, &start.qd, &start.qdd})
+            if (v->lpNorm<Eigen::Infinity>() > kLargestLimit)
+                throw badInput(nameArm(arm), "its start is beyond 1e7 rad, rad/s or rad/s^2", "Check its unit.");
+        at.limits = limits[count(arm)];
+        at.start = start;
+        try {
+            if (surroundings) {
+                WholeArm checked(surroundings);
+                configure(checked, joints, at);
+            } else {
+                detail::JointBraking().configure(at, joints, "ArmBatchOptions::filter");
+            }
+        } catch (const Error& e) {
+            const ErrorParts parts = getParts(e);
+            throw Error(e.kind(), nameArm(arm) + ": " + parts.place, parts.cause, parts.remedy);
+        }
+    }
+
+    void checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const {
+        if (which.size() != starts.size())
+            throw badInput("ArmBatch::reset",
+                           std::to_string(starts.size()) + " starts for " + std::to_string(which.size()) + " arms",
+                           "Give one start for each arm.");
+        for (const int arm : which)
+            if (arm < 0 || arm >= arms)
+                throw badInput("ArmBatch::reset", "there is no arm " + std::to_string(arm),
+                               "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+    }
+
+    void reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
+        checkNamed(which, starts);
+        RunSetup at = setup;
+        for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], options.filter, at);
+        std::exception_ptr first;
+        for (std::size_t i = 0; i < which.size(); ++i) {
+            try {
+                put(which[i], starts[i], at);
+            } catch (...) {
+                if (!first) first = std::current_exception();
+            }
+        }
+        if (first) std::rethrow_exception(first);
+    }
+
+    /** Calls work(begin, end) for all items, `chunk` at a time, in threads. */
     template <class Work>
-    void share(int items, int chunk, std::int64_t mostThreads, const Work& work) const;
-    void put(int arm, const MotionState& start, RunSetup& at);
-    void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to);
-    void fillMargins(int arm);
-    void stepArm(int arm, const double* actions, int substeps, Scratch& s);
-    void readAction(const double* action, Scratch& s) const;
-    FilterInput wish(int arm, Scratch& s);
-    bool decide(int arm, Scratch& s, FilterStatus& status);
-    void brake(int arm, Scratch& s);
+    void share(int items, int chunk, std::int64_t mostThreads, const Work& work) const {
+        std::atomic<int> next{0};
+        const auto runTurns = [&] {
+            const UsualArithmetic usual;
+            for (int begin = next.fetch_add(chunk); begin < items; begin = next.fetch_add(chunk))
+                work(begin, std::min(items, begin + chunk));
+        };
+        const std::int64_t most = std::min<std::int64_t>(threads, (items + chunk - 1) / chunk);
+        const std::int64_t wanted = std::max<std::int64_t>(std::min(most, mostThreads) - 1, 0);
+        std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
+        Helpers helpers;
+        helpers.threads.reserve(thrown.size());
+        try {
+            for (std::exception_ptr& mine : thrown)
+                helpers.threads.emplace_back([&runTurns, &mine] {
+                    try {
+                        runTurns();
+                    } catch (...) {
+                        mine = std::current_exception();
+                    }
+                });
+        } catch (const std::system_error&) {
+            // Fewer threads do it too.
+        }
+        runTurns();
+        helpers.join();
+        for (const std::exception_ptr& one : thrown)
+            if (one) std::rethrow_exception(one);
+    }
+
+    void put(int arm, const MotionState& start, RunSetup& at) {
+        at.limits = limits[count(arm)];
+        at.start = start;
+        laws[count(arm)].configure(at, options.filter, "ArmBatchOptions::filter");
+        if (!servos.empty()) {
+            servos[count(arm)].configure(at.limits, tick_s);
+            servos[count(arm)].reset(start);
+        }
+        ticks[count(arm)] = 0;
+        state.clearance[count(arm)] = kNan;
+        Dynamics dynamics;
+        recursion->calcDynamics(start.q, start.qd, dynamics);
+        if (surroundings) {
+            WholeArm& whole = *wholeArms[count(arm)];
+            configure(whole, options.filter, at);
+            for (int i = 0; i < n; ++i) whole.stops[count(i)] = laws[count(arm)].braking().stop(i);
+        }
+        if (isTool) {
+            ToolFollowerOptions tool;
+            tool.reference.rotationLength_m =
+                options.action == BatchAction::ToolPose ? freedom.calcRotationLength(dynamics.J) : 0.0;
+            tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr,
+                                        recursion);
+        }
+        row(state.q, arm) = start.q;
+        row(state.qd, arm) = start.qd;
+        row(state.qdd, arm) = start.qdd;
+        row(state.jerk, arm).setZero();
+        JointVector torque;
+        calcInverseDynamics(dynamics, start.qdd, torque);
+        row(state.torque, arm) = torque;
+        std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
+        fillMargins(arm);
+        state.status[count(arm)] = GuardStatus::Failed;  // until its plant, too, is there
+        if (!real.empty()) {
+            RealArm& one = *real[count(arm)];
+            one.plant->reset(start);
+            one.nric.reset(start);
+            one.authority.reset();
+            one.authority.widen(at.limits);
+            one.robust.setZero(n);
+            one.motors.resize(0);
+            JointState measured;
+            if (!read(one, measured))
+                throw Error(ErrorKind::PluginFailed, nameArm(arm),
+                            "its plant gave no reading of " + std::to_string(n) + " joints",
+                            "measured() gives one number per joint, also after reset(), and does not throw.");
+            row(state.realQ, arm) = measured.q;
+            row(state.realQd, arm) = measured.qd;
+            row(state.motorTorque, arm) = torque;
+        }
+        state.status[count(arm)] = GuardStatus::NotStarted;
+    }
+
+    void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to) {
+        if (which.size() != to.size())
+            throw badInput("ArmBatch::changeLimits",
+                           std::to_string(to.size()) + " limits for " + std::to_string(which.size()) + " arms",
+                           "Give one JointLimits for each arm.");
+        for (std::size_t i = 0; i < which.size(); ++i) {
+            const std::string place = nameArm(which[i]);
+            if (which[i] < 0 || which[i] >= arms)
+                throw badInput("ArmBatch::changeLimits", "there is no " + place,
+                               "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
+            if (to[i].size() != n)
+                throw badInput(
+                    place, "limits of " + std::to_string(to[i].size()) + " joints; the robot has " + std::to_string(n),
+                    "Give each bound one number per joint; infinity where there is none.");
+            checkLimits(to[i], tick_s, robot.allowLargeAngles, place, robot.jointNames());
+            requireJerkLimits(to[i], place, kArmBatch, "Give a jerk limit for every joint and side.");
+        }
+        for (std::size_t i = 0; i < which.size(); ++i) {
+            const std::size_t arm = count(which[i]);
+            limits[arm] = to[i];
+            laws[arm].changeLimits(to[i]);
+            if (surroundings) wholeArms[arm]->filter.changeLimits(to[i]);
+            if (!servos.empty()) servos[arm].changeLimits(to[i]);
+            if (isTool) tools[arm].changeLimits(to[i]);
+            if (!real.empty()) real[arm]->authority.widen(to[i]);
+            fillMargins(which[i]);
+        }
+    }
+
+    void fillMargins(int arm) {
+        for (int i = 0; i < n; ++i) {
+            const std::size_t at = count(arm) * count(n) + count(i);
+            const AxisLimits axis = limits[count(arm)].axis(i);
+            const double resolution = kMarginShare * calcLimitScale(axis.positionLower, axis.positionUpper);
+            const detail::PathExtent::Accuracy position{axis.positionLower, axis.positionUpper, resolution, resolution};
+            const GridStop& stop =
+                surroundings ? wholeArms[count(arm)]->stops[count(i)] : laws[count(arm)].braking().stop(i);
+            const detail::PathExtent::Accuracy velocity{-kInfinity, kInfinity, kInfinity, kInfinity};
+            detail::PathExtent path(state.q[at], state.qd[at], state.qdd[at], position, velocity);
+            for (int k = 0; k < GridStop::kSegments; ++k) {
+                const GridStop::Segment segment = stop.remaining(k);
+                if (segment.ticks > 0) path.follow(segment.jerk, static_cast<double>(segment.ticks) * tick_s);
+            }
+            state.margin[at] =
+                std::min(axis.positionUpper - path.position.upper, path.position.lower - axis.positionLower);
+        }
+    }
+
+    void stepArm(int arm, const double* actions, int substeps, Scratch& s) {
+        GuardStatus& status = state.status[count(arm)];
+        if (status == GuardStatus::Failed) return;
+        readAction(actions + count(arm) * count(width), s);
+        s.nominal = {row(state.q, arm), row(state.qd, arm), row(state.qdd, arm)};
+        s.torque = s.jerk = JointVector::Zero(n);
+        std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
+        status = GuardStatus::Passed;
+        for (int i = 0; i < substeps && status != GuardStatus::Failed; ++i)
+            status = std::max(status, tick(arm, s, i + 1 == substeps));
+        row(state.q, arm) = s.nominal.q;
+        row(state.qd, arm) = s.nominal.qd;
+        row(state.qdd, arm) = s.nominal.qdd;
+        row(state.jerk, arm) = s.jerk;
+        row(state.torque, arm) = s.motion.torque;
+        if (!real.empty()) {
+            if (read(*real[count(arm)], s.measured)) {
+                row(state.realQ, arm) = s.measured.q;
+                row(state.realQd, arm) = s.measured.qd;
+            } else {
+                status = GuardStatus::Failed;
+            }
+            if (status != GuardStatus::Failed) row(state.motorTorque, arm) = s.applied;
+        }
+        fillMargins(arm);
+    }
+
+    /** s.isUsable false: it is of no use. */
+    void readAction(const double* action, Scratch& s) const {
+        s.action = Eigen::Map<const Eigen::VectorXd>(action, width);
+        const bool isPlace = options.action == BatchAction::Target || isTool;
+        s.isUsable = s.action.allFinite() &&
+                     s.action.lpNorm<Eigen::Infinity>() <= (isPlace ? kLargestLimit : kLargestAcceleration);
+        if (isTool) {
+            s.tool = Pose();
+            s.tool.position = s.action.head<3>();
+            if (options.action == BatchAction::ToolPose) s.tool.orientation.coeffs() = s.action.segment<4>(3);
+            s.isUsable = s.isUsable && normalise(s.tool);
+        } else {
+            s.target = {s.action, JointVector::Zero(n), JointVector::Zero(n)};
+        }
+    }
+
+    /** What the arm shall do in the coming tick. */
+    FilterInput wish(int arm, Scratch& s) {
+        switch (options.action) {
+            case BatchAction::Target:
+                servos[count(arm)].calc(s.nominal, s.target, s.rate);
+                return {s.nominal, s.nominal.qdd, still, &s.rate};
+            case BatchAction::ToolPose:
+            case BatchAction::ToolPosition:
+                tools[count(arm)].calc(s.nominal, s.tool, surroundings.get(),
+                                       static_cast<double>(ticks[count(arm)]) * tick_s, s.rate);
+                calcInverseDynamics(s.dynamics, s.nominal.qdd, s.torque);
+                return {s.nominal, s.torque, s.dynamics, &s.rate};
+            case BatchAction::Acceleration:
+                calcInverseDynamics(s.dynamics, s.action, s.torque);
+                break;
+            case BatchAction::Torque:
+                s.torque = s.action;
+                break;
+        }
+        return {s.nominal, s.torque, s.dynamics, nullptr};
+    }
+
+    /** Chooses s.jerk. False: the numbers are beyond all arithmetic, and nothing is chosen. */
+    bool decide(int arm, Scratch& s, FilterStatus& status) {
+        const FilterInput input = wish(arm, s);
+        if (!surroundings) {
+            detail::JointBraking& law = laws[count(arm)];
+            if (law.findDesired(input) != FilterStatus::Passed) return false;
+            status = law.braking().choose(s.nominal, law.findMetric(input.dynamics), law.desired(), s.jerk,
+                                          s.decision.joints);
+            return true;
+        }
+        WholeArm& whole = *wholeArms[count(arm)];
+        const FilterStatus answer = whole.filter.filter(input, s.decision);
+        if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return false;
+        status = answer == FilterStatus::StoppedByPlan ? FilterStatus::Modified : answer;
+        s.jerk = s.decision.value;
+        whole.stops = s.decision.stops;
+        const LimitReport& nearest = s.decision.reports[LimitKind::Clearance];
+        state.clearance[count(arm)] = nearest.isKnown ? nearest.margin : kNan;
+        return true;
+    }
+
+    /** Follows the stop that is held ready: s.jerk. */
+    void brake(int arm, Scratch& s) {
+        if (surroundings) {
+            WholeArm& whole = *wholeArms[count(arm)];
+            s.jerk.resize(n);
+            for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].popJerk();
+            whole.filter.skipTicks(1);
+        } else {
+            laws[count(arm)].braking().getStored(s.jerk);
+            laws[count(arm)].skipTicks(1);
+        }
+        if (!servos.empty()) servos[count(arm)].skipTicks(1);
+        if (isTool) tools[count(arm)].skipTicks(1);
+        s.decision.joints = {};
+    }
+
     /** @param isLast  of a step */
-    GuardStatus tick(int arm, Scratch& s, bool isLast);
+    GuardStatus tick(int arm, Scratch& s, bool isLast) {
+        // Targets need none; of the last tick the torque is told.
+        const bool needsDynamics = options.action != BatchAction::Target || !real.empty() || isLast;
+        if (needsDynamics) recursion->calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
+
+        FilterStatus status = FilterStatus::StoppedByPlan;
+        if (!s.isUsable || !decide(arm, s, status)) brake(arm, s);
+        ++ticks[count(arm)];
+        s.decision.holdJerk(s.jerk);
+        for (int i = 0; i < n; ++i) {
+            const JointIntervention& joint = s.decision.joints[count(i)];
+            if (joint.limit != LimitKind::None)
+                state.acting[count(arm) * count(n) + count(i)] =
+                    static_cast<signed char>(static_cast<int>(joint.limit) * (joint.side == LimitSide::Lower ? -1 : 1));
+        }
+
+        GuardStatus answer = status == FilterStatus::Passed       ? GuardStatus::Passed
+                             : status == FilterStatus::Modified   ? GuardStatus::Limited
+                             : status == FilterStatus::Recovering ? GuardStatus::Recovering
+                                                                  : GuardStatus::Waiting;
+        if (needsDynamics)
+            calcHeldMotion({s.nominal, s.torque, s.dynamics, nullptr}, status, s.decision, tick_s, s.motion);
+        if (!real.empty() && !drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
+        advanceNominal(s.decision, tick_s, s.nominal);
+        return answer;
+    }
 
     RobotDescription robot;
     ArmBatchOptions options;
@@ -230,363 +572,6 @@ struct ArmBatch::Impl {
     std::map<std::string, std::vector<std::string>> draws;
     ArmBatchState state;
 };
-
-void ArmBatch::Impl::makePlants() {
-    const PluginLoader loader(options.pluginPath);
-    const ConfigNode written = parseConfig("real_plant: " + options.plant + "\n", "ArmBatchOptions::plant");
-    for (const DrawnKey& key : listDraws(written)) draws[key.keyPath];
-    std::map<int, std::pair<LinearErrorLoop, detail::AuthoritySizes>> loops;  // by delay
-    for (int arm = 0; arm < arms; ++arm) {
-        ConfigNode drawn = written;
-        for (auto& [key, value] : resolveDraws(drawn, {options.seed, arm})) draws[key].push_back(value);
-        const PluginChoice choice = detail::readPlugin(*drawn.find("real_plant"), PluginKind::RealPlant, loader, n);
-        auto one = std::make_unique<RealArm>(setup);
-        one->setup.limits = limits[count(arm)];
-        one->plant = PluginLoader::create<RealPlant>(choice.plugin);
-        one->plant->configure(one->setup, choice.parameters);
-        if (one->plant->traits().hasClock)
-            throw badInput("ArmBatchOptions::plant", "the plant " + choice.plugin.name + " makes its own ticks",
-                           "Use a simulated one, such as simbody.");
-        const PlantTraits told = one->plant->traits();
-        detail::checkTold(told, n, "the plant " + choice.plugin.name);
-        one->setup.delayTicks = told.delayTicks;
-        auto found = loops.find(one->setup.delayTicks);
-        if (found == loops.end()) {
-            LinearErrorLoop scaled = scaleGains(robot, setup.limits, tick_s, one->setup.delayTicks);
-            detail::AuthoritySizes sizes = detail::calcAuthority(setup, &scaled, nullptr);
-            found = loops.emplace(one->setup.delayTicks, std::pair(std::move(scaled), std::move(sizes))).first;
-        }
-        const auto& [loop, sizes] = found->second;
-        NricOptions nric{loop.kr, loop.kp, loop.ki};
-        nric.inertiaRate = loop.inertiaRate;
-        if (told.motorRate.size() > 0) nric.motorRate = told.motorRate;
-        one->nric.configure(one->setup, nric);
-        one->authority = detail::Authority(one->setup, sizes);
-        one->motorStep = told.motorRate * tick_s;
-        real.push_back(std::move(one));
-    }
-    for (std::vector<double>* values : {&state.realQ, &state.realQd, &state.motorTorque})
-        values->assign(count(arms) * count(n), 0.0);
-}
-
-/** Throws for a start that cannot be. */
-void ArmBatch::Impl::configure(WholeArm& whole, const CertifiedBrakingOptions& joints, RunSetup& at) const {
-    at.geometry = &*geometry;
-    at.surroundings = &whole.feed;
-    WholeArmBrakingOptions chosen;
-    chosen.joints = joints;
-    whole.filter.configure(at, chosen, "ArmBatchOptions::filter");
-}
-
-/** Throws for a start that cannot be. */
-void ArmBatch::Impl::check(int arm, const MotionState& start, const CertifiedBrakingOptions& joints,
-                           RunSetup& at) const {
-    if (!isFinite(start, n))
-        throw badInput(nameArm(arm), "its start is of the wrong size or not finite",
-                       "Give " + std::to_string(n) + " finite numbers.");
-    for (const JointVector* v : {&start.q, &start.qd, &start.qdd})
-        if (v->lpNorm<Eigen::Infinity>() > kLargestLimit)
-            throw badInput(nameArm(arm), "its start is beyond 1e7 rad, rad/s or rad/s^2", "Check its unit.");
-    at.limits = limits[count(arm)];
-    at.start = start;
-    try {
-        if (surroundings) {
-            WholeArm checked(surroundings);
-            configure(checked, joints, at);
-        } else {
-            detail::JointBraking().configure(at, joints, "ArmBatchOptions::filter");
-        }
-    } catch (const Error& e) {
-        const ErrorParts parts = getParts(e);
-        throw Error(e.kind(), nameArm(arm) + ": " + parts.place, parts.cause, parts.remedy);
-    }
-}
-
-void ArmBatch::Impl::put(int arm, const MotionState& start, RunSetup& at) {
-    at.limits = limits[count(arm)];
-    at.start = start;
-    laws[count(arm)].configure(at, options.filter, "ArmBatchOptions::filter");
-    if (!servos.empty()) {
-        servos[count(arm)].configure(at.limits, tick_s);
-        servos[count(arm)].reset(start);
-    }
-    ticks[count(arm)] = 0;
-    state.clearance[count(arm)] = kNan;
-    Dynamics dynamics;
-    recursion->calcDynamics(start.q, start.qd, dynamics);
-    if (surroundings) {
-        WholeArm& whole = *wholeArms[count(arm)];
-        configure(whole, options.filter, at);
-        for (int i = 0; i < n; ++i) whole.stops[count(i)] = laws[count(arm)].braking().stop(i);
-    }
-    if (isTool) {
-        ToolFollowerOptions tool;
-        tool.reference.rotationLength_m =
-            options.action == BatchAction::ToolPose ? freedom.calcRotationLength(dynamics.J) : 0.0;
-        tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr, recursion);
-    }
-    row(state.q, arm) = start.q;
-    row(state.qd, arm) = start.qd;
-    row(state.qdd, arm) = start.qdd;
-    row(state.jerk, arm).setZero();
-    JointVector torque;
-    calcInverseDynamics(dynamics, start.qdd, torque);
-    row(state.torque, arm) = torque;
-    std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
-    fillMargins(arm);
-    state.status[count(arm)] = GuardStatus::Failed;  // until its plant, too, is there
-    if (!real.empty()) {
-        RealArm& one = *real[count(arm)];
-        one.plant->reset(start);
-        one.nric.reset(start);
-        one.authority.reset();
-        one.authority.widen(at.limits);
-        one.robust.setZero(n);
-        one.motors.resize(0);
-        JointState measured;
-        if (!read(one, measured))
-            throw Error(ErrorKind::PluginFailed, nameArm(arm),
-                        "its plant gave no reading of " + std::to_string(n) + " joints",
-                        "measured() gives one number per joint, also after reset(), and does not throw.");
-        row(state.realQ, arm) = measured.q;
-        row(state.realQd, arm) = measured.qd;
-        row(state.motorTorque, arm) = torque;
-    }
-    state.status[count(arm)] = GuardStatus::NotStarted;
-}
-
-void ArmBatch::Impl::checkNamed(const std::vector<int>& which, const std::vector<MotionState>& starts) const {
-    if (which.size() != starts.size())
-        throw badInput("ArmBatch::reset",
-                       std::to_string(starts.size()) + " starts for " + std::to_string(which.size()) + " arms",
-                       "Give one start for each arm.");
-    for (const int arm : which)
-        if (arm < 0 || arm >= arms)
-            throw badInput("ArmBatch::reset", "there is no arm " + std::to_string(arm),
-                           "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
-}
-
-void ArmBatch::Impl::reset(const std::vector<int>& which, const std::vector<MotionState>& starts) {
-    checkNamed(which, starts);
-    RunSetup at = setup;
-    for (std::size_t i = 0; i < which.size(); ++i) check(which[i], starts[i], options.filter, at);
-    std::exception_ptr first;
-    for (std::size_t i = 0; i < which.size(); ++i) {
-        try {
-            put(which[i], starts[i], at);
-        } catch (...) {
-            if (!first) first = std::current_exception();
-        }
-    }
-    if (first) std::rethrow_exception(first);
-}
-
-void ArmBatch::Impl::changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to) {
-    if (which.size() != to.size())
-        throw badInput("ArmBatch::changeLimits",
-                       std::to_string(to.size()) + " limits for " + std::to_string(which.size()) + " arms",
-                       "Give one JointLimits for each arm.");
-    for (std::size_t i = 0; i < which.size(); ++i) {
-        const std::string place = nameArm(which[i]);
-        if (which[i] < 0 || which[i] >= arms)
-            throw badInput("ArmBatch::changeLimits", "there is no " + place,
-                           "They are numbered from 0 to " + std::to_string(arms - 1) + ".");
-        if (to[i].size() != n)
-            throw badInput(place,
-                           "limits of " + std::to_string(to[i].size()) + " joints; the robot has " + std::to_string(n),
-                           "Give each bound one number per joint; infinity where there is none.");
-        checkLimits(to[i], tick_s, robot.allowLargeAngles, place, robot.jointNames());
-        requireJerkLimits(to[i], place, kArmBatch, "Give a jerk limit for every joint and side.");
-    }
-    for (std::size_t i = 0; i < which.size(); ++i) {
-        const std::size_t arm = count(which[i]);
-        limits[arm] = to[i];
-        laws[arm].changeLimits(to[i]);
-        if (surroundings) wholeArms[arm]->filter.changeLimits(to[i]);
-        if (!servos.empty()) servos[arm].changeLimits(to[i]);
-        if (isTool) tools[arm].changeLimits(to[i]);
-        if (!real.empty()) real[arm]->authority.widen(to[i]);
-        fillMargins(which[i]);
-    }
-}
-
-void ArmBatch::Impl::fillMargins(int arm) {
-    for (int i = 0; i < n; ++i) {
-        const std::size_t at = count(arm) * count(n) + count(i);
-        const AxisLimits axis = limits[count(arm)].axis(i);
-        const double resolution = kMarginShare * calcLimitScale(axis.positionLower, axis.positionUpper);
-        const detail::PathExtent::Accuracy position{axis.positionLower, axis.positionUpper, resolution, resolution};
-        const GridStop& stop =
-            surroundings ? wholeArms[count(arm)]->stops[count(i)] : laws[count(arm)].braking().stop(i);
-        const detail::PathExtent::Accuracy velocity{-kInfinity, kInfinity, kInfinity, kInfinity};
-        detail::PathExtent path(state.q[at], state.qd[at], state.qdd[at], position, velocity);
-        for (int k = 0; k < GridStop::kSegments; ++k) {
-            const GridStop::Segment segment = stop.remaining(k);
-            if (segment.ticks > 0) path.follow(segment.jerk, static_cast<double>(segment.ticks) * tick_s);
-        }
-        state.margin[at] = std::min(axis.positionUpper - path.position.upper, path.position.lower - axis.positionLower);
-    }
-}
-
-/** s.isUsable false: it is of no use. */
-void ArmBatch::Impl::readAction(const double* action, Scratch& s) const {
-    s.action = Eigen::Map<const Eigen::VectorXd>(action, width);
-    const bool isPlace = options.action == BatchAction::Target || isTool;
-    s.isUsable =
-        s.action.allFinite() && s.action.lpNorm<Eigen::Infinity>() <= (isPlace ? kLargestLimit : kLargestAcceleration);
-    if (isTool) {
-        s.tool = Pose();
-        s.tool.position = s.action.head<3>();
-        if (options.action == BatchAction::ToolPose) s.tool.orientation.coeffs() = s.action.segment<4>(3);
-        s.isUsable = s.isUsable && normalise(s.tool);
-    } else {
-        s.target = {s.action, JointVector::Zero(n), JointVector::Zero(n)};
-    }
-}
-
-/** What the arm shall do in the coming tick. */
-FilterInput ArmBatch::Impl::wish(int arm, Scratch& s) {
-    switch (options.action) {
-        case BatchAction::Target:
-            servos[count(arm)].calc(s.nominal, s.target, s.rate);
-            return {s.nominal, s.nominal.qdd, still, &s.rate};
-        case BatchAction::ToolPose:
-        case BatchAction::ToolPosition:
-            tools[count(arm)].calc(s.nominal, s.tool, surroundings.get(),
-                                   static_cast<double>(ticks[count(arm)]) * tick_s, s.rate);
-            calcInverseDynamics(s.dynamics, s.nominal.qdd, s.torque);
-            return {s.nominal, s.torque, s.dynamics, &s.rate};
-        case BatchAction::Acceleration:
-            calcInverseDynamics(s.dynamics, s.action, s.torque);
-            break;
-        case BatchAction::Torque:
-            s.torque = s.action;
-            break;
-    }
-    return {s.nominal, s.torque, s.dynamics, nullptr};
-}
-
-/** Chooses s.jerk. False: the numbers are beyond all arithmetic, and nothing is chosen. */
-bool ArmBatch::Impl::decide(int arm, Scratch& s, FilterStatus& status) {
-    const FilterInput input = wish(arm, s);
-    if (!surroundings) {
-        detail::JointBraking& law = laws[count(arm)];
-        if (law.findDesired(input) != FilterStatus::Passed) return false;
-        status =
-            law.braking().choose(s.nominal, law.findMetric(input.dynamics), law.desired(), s.jerk, s.decision.joints);
-        return true;
-    }
-    WholeArm& whole = *wholeArms[count(arm)];
-    const FilterStatus answer = whole.filter.filter(input, s.decision);
-    if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return false;
-    status = answer == FilterStatus::StoppedByPlan ? FilterStatus::Modified : answer;
-    s.jerk = s.decision.value;
-    whole.stops = s.decision.stops;
-    const LimitReport& nearest = s.decision.reports[LimitKind::Clearance];
-    state.clearance[count(arm)] = nearest.isKnown ? nearest.margin : kNan;
-    return true;
-}
-
-/** Follows the stop that is held ready: s.jerk. */
-void ArmBatch::Impl::brake(int arm, Scratch& s) {
-    if (surroundings) {
-        WholeArm& whole = *wholeArms[count(arm)];
-        s.jerk.resize(n);
-        for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].popJerk();
-        whole.filter.skipTicks(1);
-    } else {
-        laws[count(arm)].braking().getStored(s.jerk);
-        laws[count(arm)].skipTicks(1);
-    }
-    if (!servos.empty()) servos[count(arm)].skipTicks(1);
-    if (isTool) tools[count(arm)].skipTicks(1);
-    s.decision.joints = {};
-}
-
-GuardStatus ArmBatch::Impl::tick(int arm, Scratch& s, bool isLast) {
-    // Targets need none; of the last tick the torque is told.
-    const bool needsDynamics = options.action != BatchAction::Target || !real.empty() || isLast;
-    if (needsDynamics) recursion->calcDynamics(s.nominal.q, s.nominal.qd, s.dynamics);
-
-    FilterStatus status = FilterStatus::StoppedByPlan;
-    if (!s.isUsable || !decide(arm, s, status)) brake(arm, s);
-    ++ticks[count(arm)];
-    s.decision.holdJerk(s.jerk);
-    for (int i = 0; i < n; ++i) {
-        const JointIntervention& joint = s.decision.joints[count(i)];
-        if (joint.limit != LimitKind::None)
-            state.acting[count(arm) * count(n) + count(i)] =
-                static_cast<signed char>(static_cast<int>(joint.limit) * (joint.side == LimitSide::Lower ? -1 : 1));
-    }
-
-    GuardStatus answer = status == FilterStatus::Passed       ? GuardStatus::Passed
-                         : status == FilterStatus::Modified   ? GuardStatus::Limited
-                         : status == FilterStatus::Recovering ? GuardStatus::Recovering
-                                                              : GuardStatus::Waiting;
-    if (needsDynamics) calcHeldMotion({s.nominal, s.torque, s.dynamics, nullptr}, status, s.decision, tick_s, s.motion);
-    if (!real.empty() && !drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
-    advanceNominal(s.decision, tick_s, s.nominal);
-    return answer;
-}
-
-void ArmBatch::Impl::stepArm(int arm, const double* actions, int substeps, Scratch& s) {
-    GuardStatus& status = state.status[count(arm)];
-    if (status == GuardStatus::Failed) return;
-    readAction(actions + count(arm) * count(width), s);
-    s.nominal = {row(state.q, arm), row(state.qd, arm), row(state.qdd, arm)};
-    s.torque = s.jerk = JointVector::Zero(n);
-    std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
-    status = GuardStatus::Passed;
-    for (int i = 0; i < substeps && status != GuardStatus::Failed; ++i)
-        status = std::max(status, tick(arm, s, i + 1 == substeps));
-    row(state.q, arm) = s.nominal.q;
-    row(state.qd, arm) = s.nominal.qd;
-    row(state.qdd, arm) = s.nominal.qdd;
-    row(state.jerk, arm) = s.jerk;
-    row(state.torque, arm) = s.motion.torque;
-    if (!real.empty()) {
-        if (read(*real[count(arm)], s.measured)) {
-            row(state.realQ, arm) = s.measured.q;
-            row(state.realQd, arm) = s.measured.qd;
-        } else {
-            status = GuardStatus::Failed;
-        }
-        if (status != GuardStatus::Failed) row(state.motorTorque, arm) = s.applied;
-    }
-    fillMargins(arm);
-}
-
-/** Calls work(begin, end) for all items, `chunk` at a time, in threads. */
-template <class Work>
-void ArmBatch::Impl::share(int items, int chunk, std::int64_t mostThreads, const Work& work) const {
-    std::atomic<int> next{0};
-    const auto runTurns = [&] {
-        const UsualArithmetic usual;
-        for (int begin = next.fetch_add(chunk); begin < items; begin = next.fetch_add(chunk))
-            work(begin, std::min(items, begin + chunk));
-    };
-    const std::int64_t most = std::min<std::int64_t>(threads, (items + chunk - 1) / chunk);
-    const std::int64_t wanted = std::max<std::int64_t>(std::min(most, mostThreads) - 1, 0);
-    std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
-    Helpers helpers;
-    helpers.threads.reserve(thrown.size());
-    try {
-        for (std::exception_ptr& mine : thrown)
-            helpers.threads.emplace_back([&runTurns, &mine] {
-                try {
-                    runTurns();
-                } catch (...) {
-                    mine = std::current_exception();
-                }
-            });
-    } catch (const std::system_error&) {
-        // Fewer threads do it too.
-    }
-    runTurns();
-    helpers.join();
-    for (const std::exception_ptr& one : thrown)
-        if (one) std::rethrow_exception(one);
-}
 
 ArmBatch::ArmBatch(RobotDescription robot, int arms, double tick_s, ArmBatchOptions options) {
     const UsualArithmetic usual;

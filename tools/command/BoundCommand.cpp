@@ -79,8 +79,7 @@ void print(const ConfiguredCase& configured) {
     if (const auto sizes = findAuthority(configured)) printRow("robust torque, cut beyond", sizes->reach, width);
     std::string tight;
     for (int i = 0; i < n; ++i)
-        if (bound.torque[i] > bound.motorTorque[i])
-            detail::addItem(tight, plan.robot.joints[static_cast<std::size_t>(i)].name);
+        if (bound.torque[i] > bound.motorTorque[i]) detail::addItem(tight, plan.robot.joints[i].name);
     if (!tight.empty())
         std::printf(
             "The bound is for motors that are never at their limit. For moments the worst of all disturbances asks "

@@ -48,8 +48,7 @@ void run(const GainsArguments& arguments) {
             return 1.0 / (1.0 / loop.kr[i] + 1.0 / (loop.inertiaRate * inertia));
         };
         const char* const units = !isMixed ? "" : robot.slides(i) ? "  Ns/m, kg" : "  Nms/rad, kg m^2";
-        std::printf("%-*s  %17s %8.4g %8.4g   %-19s  %-17.4g%s\n", width,
-                    robot.joints[static_cast<std::size_t>(i)].name.c_str(),
+        std::printf("%-*s  %17s %8.4g %8.4g   %-19s  %-17.4g%s\n", width, robot.joints[i].name.c_str(),
                     detail::format("%.3g to %.3g", calcGain(range.least[i]), calcGain(range.greatest[i])).c_str(),
                     loop.kp[i], loop.ki[i], detail::format("%.3g to %.3g", range.least[i], range.greatest[i]).c_str(),
                     largest[i], units);

@@ -176,9 +176,9 @@ private:
         clear();
         std::string acting;
         for (Eigen::Index i = 0; i < status.record.nominal.q.size(); ++i) {
-            const JointIntervention& joint = status.record.joints[static_cast<std::size_t>(i)];
+            const JointIntervention& joint = status.record.joints[i];
             if (joint.limit == LimitKind::None) continue;
-            detail::addItem(acting, names_[static_cast<std::size_t>(i)] + " " + getName(joint.limit, joint.side));
+            detail::addItem(acting, names_[i] + " " + getName(joint.limit, joint.side));
         }
         std::printf("%10.3f s  %s, command at %.3f s, missed ticks %lld, slowest tick %.0f us%s%s%s", status.time_s,
                     getName(status.state), status.commandTime_s, static_cast<long long>(status.missed),

@@ -9,7 +9,6 @@
 #include "Commands.h"
 #include "Scaffold.h"
 #include "core/Text.h"
-#include "core/WholeFile.h"
 #include "draft/RobotDraft.h"
 
 namespace viable {
@@ -20,8 +19,7 @@ namespace fs = std::filesystem;
 
 /** The hand of hand.yaml moves at most this share of the reach in a second; its slowest reach takes so many times the
 fastest; so many of these fit into a run. */
-constexpr double kHandSpeed = 0.3;
-constexpr double kSlowest = 2.8;
+constexpr double kHandSpeed = 0.3, kSlowest = 2.8;
 constexpr double kSlowestReach_s = 100.0;  // what generated_hand_motion takes
 constexpr double kReaches = 5.0;
 constexpr double kShortestRun_s = 10.0;

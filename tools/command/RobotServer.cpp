@@ -253,10 +253,6 @@ void RobotServer::sendState() {
     sendDue(now_ns_);
 }
 
-double RobotServer::sinceHost_s() const {
-    return robot_.has_host ? static_cast<double>(robot_.tick - hostTick_) * tick_s_ : 0.0;
-}
-
 void RobotServer::fail(bool& flag, const char* what) {
     if (!flag) tell(what);
     flag = true;
@@ -315,7 +311,7 @@ std::string RobotServer::describe() const {
     for (int i = VL_GOOD; i < VL_RESULTS; ++i)
         if (robot_.counts[i] > 0)
             detail::addItem(packets, std::to_string(robot_.counts[i]) + " " + vl_result_name(vl_result(i)));
-    const JointDescription& joint = configured_->plan.robot.joints[static_cast<std::size_t>(largestStepJoint_)];
+    const JointDescription& joint = configured_->plan.robot.joints[largestStepJoint_];
     return "ticks     " + std::to_string(robot_.tick) + ", late " + std::to_string(lateTicks_) + "\nhosts     " +
            std::to_string(hosts_) + "\ncommands  " + (packets.empty() ? "none" : packets) + "\nrepeated  " +
            std::to_string(robot_.repeated) + " ticks; held itself for want of commands " +

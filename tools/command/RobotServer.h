@@ -92,7 +92,9 @@ private:
     void move(vl_mode mode, const double* torque);
     void write(JointVector torque, bool isOwn);
     void fail(bool& flag, const char* what);
-    double sinceHost_s() const;
+    double sinceHost_s() const {
+        return robot_.has_host ? static_cast<double>(robot_.tick - hostTick_) * tick_s_ : 0.0;
+    }
     bool isLineGood() const { return sinceHost_s() < options_.from_s; }
 
     std::unique_ptr<ConfiguredCase> configured_;

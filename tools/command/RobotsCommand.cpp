@@ -26,7 +26,7 @@ void describe(const RobotDescription& robot) {
                 head("accel.", LimitKind::Acceleration).c_str(), head("jerk", LimitKind::Jerk).c_str(), "home",
                 head("motor", LimitKind::Torque).c_str(), isMixed ? " in" : "");
     for (int i = 0; i < robot.size(); ++i) {
-        const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
+        const JointDescription& joint = robot.joints[i];
         const AxisLimits l = robot.limits.axis(i);
         const auto range = [](double lower, double upper) { return detail::format("%.4g .. %.4g", lower, upper); };
         const char* const units = !isMixed ? "" : robot.slides(i) ? " m, s, N" : " rad, s, Nm";

@@ -38,7 +38,7 @@ std::vector<AxisLimits> readRobotLimits(const std::string& name, MotionRecord& r
             continue;
         }
         const auto place = static_cast<int>(found - names.begin());
-        const bool isPrismatic = robot.joints[static_cast<std::size_t>(place)].type == JointType::Prismatic;
+        const bool isPrismatic = robot.joints[place].type == JointType::Prismatic;
         if (isPrismatic != joint.isPrismatic && record.saysUnits)
             throw badInput(record.source + ": joint " + joint.name,
                            std::string("its readings are in ") + (joint.isPrismatic ? "m" : "rad") + "; in robot " +

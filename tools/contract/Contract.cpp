@@ -266,10 +266,9 @@ struct Output {
     Outcome outcome = Outcome::Faulted;
     std::array<double, 256> values{};
     int count = 0;
-    bool isFinite = true;
-    bool hasRightSizes = true;
+    bool isFinite = true, hasRightSizes = true;
 
-    void addAny(double value) { values[static_cast<std::size_t>(count++)] = value; }
+    void addAny(double value) { values[count++] = value; }
     void add(double value) {
         addAny(value);
         isFinite = isFinite && std::isfinite(value);
@@ -320,18 +319,16 @@ std::vector<Slot> makeNominalSlots() {
             makeSlot("nominal.qdd", [](Inputs& in) -> JointVector& { return in.nominal.qdd; })};
 }
 
-std::vector<Slot> makeDynamicsSlots() {
-    return {{"M", [](Inputs& in) { return addressesOf(in.dynamics.M); },
-             [](Inputs& in, int n) { in.dynamics.M = JointMatrix::Identity(n, n); }},
-            makeSlot("b", [](Inputs& in) -> JointVector& { return in.dynamics.b; })};
+std::vector<Slot> makeArmSlots() {
+    std::vector<Slot> slots = makeNominalSlots();
+    slots.push_back({"M", [](Inputs& in) { return addressesOf(in.dynamics.M); },
+                     [](Inputs& in, int n) { in.dynamics.M = JointMatrix::Identity(n, n); }});
+    slots.push_back(makeSlot("b", [](Inputs& in) -> JointVector& { return in.dynamics.b; }));
+    return slots;
 }
 
 Slot makeTorqueSlot() {
     return makeSlot("torque", [](Inputs& in) -> JointVector& { return in.torque; });
-}
-
-void append(std::vector<Slot>& slots, const std::vector<Slot>& more) {
-    slots.insert(slots.end(), more.begin(), more.end());
 }
 
 class Subject {
@@ -349,17 +346,21 @@ public:
 };
 
 template <class Interface>
-PluginPtr<Interface> makeConfigured(const PluginInfo& info, const RunSetup& setup) {
-    PluginPtr<Interface> plugin = PluginLoader::create<Interface>(info);
-    plugin->configure(setup, readBlock(info, makeRequiredParameters(info)));
-    return plugin;
-}
+class PluginSubject : public Subject {
+public:
+    PluginSubject(const PluginInfo& info, const RunSetup& setup) : plugin_(PluginLoader::create<Interface>(info)) {
+        plugin_->configure(setup, readBlock(info, makeRequiredParameters(info)));
+    }
+    void reset(const MotionState& start) override { plugin_->reset(start); }
 
-class CommandSubject : public Subject {
+protected:
+    const PluginPtr<Interface> plugin_;
+};
+
+class CommandSubject : public PluginSubject<CommandSource> {
 public:
     CommandSubject(const PluginInfo& info, const RunSetup& setup)
-        : plugin_(makeConfigured<CommandSource>(info, setup)), space_(plugin_->traits().space) {}
-    void reset(const MotionState& start) override { plugin_->reset(start); }
+        : PluginSubject(info, setup), space_(plugin_->traits().space) {}
     Output step(const Inputs& in) override {
         MotionCommand command;
         const bool isJoint = space_ == MotionCommand::Space::Joint;
@@ -387,19 +388,17 @@ public:
     }
 
 private:
-    PluginPtr<CommandSource> plugin_;
     MotionCommand::Space space_;
 };
 
-class ControllerSubject : public Subject {
+class ControllerSubject : public PluginSubject<NominalController> {
 public:
     ControllerSubject(const PluginInfo& info, const RunSetup& setup)
-        : plugin_(makeConfigured<NominalController>(info, setup)),
+        : PluginSubject(info, setup),
           space_(plugin_->traits().follows(MotionCommand::Space::Joint) ? MotionCommand::Space::Joint
                                                                         : MotionCommand::Space::Tool) {
         if (!plugin_->traits().follows(space_)) throw std::runtime_error(info.name + " follows nothing");
     }
-    void reset(const MotionState& start) override { plugin_->reset(start); }
     void close(Inputs& in) override { in.command.space = space_; }
     Output step(const Inputs& in) override {
         ControllerOutput output{JointVector::Constant(kJoints, kUntouched), {}, false};
@@ -410,8 +409,7 @@ public:
         return out;
     }
     std::vector<Slot> slots() const override {
-        std::vector<Slot> slots = makeNominalSlots();
-        append(slots, makeDynamicsSlots());
+        std::vector<Slot> slots = makeArmSlots();
         slots.push_back(makeSlot("gravity", [](Inputs& in) -> JointVector& { return in.dynamics.gravity; }));
         slots.push_back({"J", [](Inputs& in) { return addressesOf(in.dynamics.J); },
                          [](Inputs& in, int n) { in.dynamics.J.setConstant(6, n, 0.1); }});
@@ -433,15 +431,13 @@ public:
     }
 
 private:
-    PluginPtr<NominalController> plugin_;
     MotionCommand::Space space_;
 };
 
 /** The filter moves the nominal arm, as in the control loop. */
-class FilterSubject : public Subject {
+class FilterSubject : public PluginSubject<SafetyFilter> {
 public:
-    FilterSubject(const PluginInfo& info, const RunSetup& setup)
-        : model_(getArm()), plugin_(makeConfigured<SafetyFilter>(info, setup)) {}
+    using PluginSubject::PluginSubject;
     void reset(const MotionState& start) override {
         nominal_ = start;
         plugin_->reset(start);
@@ -470,24 +466,20 @@ public:
     }
     void advance() override { advanceNominal(decision_, kTick_s, nominal_); }
     std::vector<Slot> slots() const override {
-        std::vector<Slot> slots = makeNominalSlots();
-        append(slots, makeDynamicsSlots());
+        std::vector<Slot> slots = makeArmSlots();
         slots.push_back(makeTorqueSlot());
         return slots;
     }
 
 private:
-    RobotModel model_;
-    PluginPtr<SafetyFilter> plugin_;
+    RobotModel model_{getArm()};
     FilterDecision decision_;
     MotionState nominal_;
 };
 
-class RobustLoopSubject : public Subject {
+class RobustLoopSubject : public PluginSubject<RobustLoop> {
 public:
-    RobustLoopSubject(const PluginInfo& info, const RunSetup& setup)
-        : plugin_(makeConfigured<RobustLoop>(info, setup)) {}
-    void reset(const MotionState& start) override { plugin_->reset(start); }
+    using PluginSubject::PluginSubject;
     Output step(const Inputs& in) override {
         JointVector torque = JointVector::Constant(kJoints, kUntouched);
         Output out;
@@ -502,15 +494,11 @@ public:
         slots.push_back(makeTorqueSlot());
         return slots;
     }
-
-private:
-    PluginPtr<RobustLoop> plugin_;
 };
 
-class PlantSubject : public Subject {
+class PlantSubject : public PluginSubject<RealPlant> {
 public:
-    PlantSubject(const PluginInfo& info, const RunSetup& setup) : plugin_(makeConfigured<RealPlant>(info, setup)) {}
-    void reset(const MotionState& start) override { plugin_->reset(start); }
+    using PluginSubject::PluginSubject;
     Output step(const Inputs& in) override {
         JointVector applied = JointVector::Constant(kJoints, kUntouched);
         Output out;
@@ -520,8 +508,7 @@ public:
         out.outcome = toOutcome(plugin_->advance(in.torque, applied));
         out.add(applied);
         if (out.outcome != Outcome::Usable) {
-            stayed_ = plugin_->actual().q == before.q && plugin_->actual().qd == before.qd;
-            out.hasRightSizes = out.hasRightSizes && stayed_;
+            out.hasRightSizes &= plugin_->actual().q == before.q && plugin_->actual().qd == before.qd;
         } else {
             out.add(plugin_->measured().q);
             out.add(plugin_->measured().qd);
@@ -531,26 +518,14 @@ public:
         return out;
     }
     std::vector<Slot> slots() const override { return {makeTorqueSlot()}; }
-
-private:
-    PluginPtr<RealPlant> plugin_;
-    bool stayed_ = true;
 };
 
 std::unique_ptr<Subject> makeSubject(const PluginInfo& info, const RunSetup& setup) {
-    switch (info.kind) {
-        case PluginKind::CommandSource:
-            return std::make_unique<CommandSubject>(info, setup);
-        case PluginKind::NominalController:
-            return std::make_unique<ControllerSubject>(info, setup);
-        case PluginKind::SafetyFilter:
-            return std::make_unique<FilterSubject>(info, setup);
-        case PluginKind::RobustLoop:
-            return std::make_unique<RobustLoopSubject>(info, setup);
-        case PluginKind::RealPlant:
-            return std::make_unique<PlantSubject>(info, setup);
-    }
-    return nullptr;
+    if (info.kind == PluginKind::CommandSource) return std::make_unique<CommandSubject>(info, setup);
+    if (info.kind == PluginKind::NominalController) return std::make_unique<ControllerSubject>(info, setup);
+    if (info.kind == PluginKind::SafetyFilter) return std::make_unique<FilterSubject>(info, setup);
+    if (info.kind == PluginKind::RobustLoop) return std::make_unique<RobustLoopSubject>(info, setup);
+    return std::make_unique<PlantSubject>(info, setup);
 }
 
 // --- The suite ----------------------------------------------------------------------------------

@@ -78,6 +78,12 @@ private:
         if (answers_.isRoot) remedy = remedy::makeForRoot(remedy);
         lines_.push_back({name, std::move(found), level, std::move(remedy)});
     }
+    void addHidden(const char* name) { add(name, "not shown", MachineLevel::Unknown); }
+    /** @param remedy  for the worse one */
+    void addEither(const char* name, bool isGood, const std::string& good, const std::string& worse,
+                   const std::string& remedy) {
+        add(name, isGood ? good : worse, isGood ? MachineLevel::Good : MachineLevel::Worse, isGood ? "" : remedy);
+    }
 
     bool isThere(const std::string& file) const {
         std::error_code failed;
@@ -121,11 +127,9 @@ private:
             version.find("PREEMPT_RT") != std::string::npos || version.find("PREEMPT RT") != std::string::npos;
         const auto flag = read("sys/kernel/realtime");
         std::string found = answers_.kernelRelease + ", ";
-        if (isNamed || flag == "1") {
-            found += isNamed ? "PREEMPT_RT" : "PREEMPT_RT by /sys/kernel/realtime";
-            add("kernel", found, MachineLevel::Good);
-            return;
-        }
+        if (isNamed || flag == "1")
+            return add("kernel", found + (isNamed ? "PREEMPT_RT" : "PREEMPT_RT by /sys/kernel/realtime"),
+                       MachineLevel::Good);
         const bool isUbuntu = readWhole(root_ / "etc/os-release").value_or("").find("ID=ubuntu") != std::string::npos;
         std::string remedy = isUbuntu ? "sudo pro enable realtime-kernel  # then restart"
                                       : "sudo apt install linux-image-rt-$(dpkg --print-architecture)  # then restart";
@@ -155,10 +159,7 @@ private:
             add("priority limit", limits, MachineLevel::Missing, remedy);
 
         const std::string tried = "priority " + std::to_string(answers_.triedPriority);
-        if (answers_.priorityError == 0) {
-            add("SCHED_FIFO", tried + " was had", MachineLevel::Good);
-            return;
-        }
+        if (answers_.priorityError == 0) return add("SCHED_FIFO", tried + " was had", MachineLevel::Good);
         const std::string group = findPriorityGroup();
         add("SCHED_FIFO", tried + " is refused: " + describeCode(answers_.priorityError), MachineLevel::Missing,
             !group.empty()    ? "echo 950000 | sudo tee " + group
@@ -204,88 +205,64 @@ private:
         const auto runtime_us = readNumber("proc/sys/kernel/sched_rt_runtime_us");
         const double period_us = readNumber("proc/sys/kernel/sched_rt_period_us").value_or(1e6);
         const char* const name = "real-time throttling";
-        if (!runtime_us || period_us <= 0.0) {
-            add(name, "not shown", MachineLevel::Unknown);
-        } else if (*runtime_us < 0.0) {
-            add(name, "off: a loop that never waits takes its processor for ever", MachineLevel::Good);
-        } else {
-            const double share = *runtime_us / period_us;
-            const std::string found = format("%.0f %% of a processor for real time", 100.0 * share);
-            if (share >= 0.5)
-                add(name, found, MachineLevel::Good);
-            else
-                add(name, found, *runtime_us > 0.0 ? MachineLevel::Worse : MachineLevel::Missing,
-                    "sudo sysctl -w kernel.sched_rt_runtime_us=950000");
-        }
+        if (!runtime_us || period_us <= 0.0) return addHidden(name);
+        if (*runtime_us < 0.0)
+            return add(name, "off: a loop that never waits takes its processor for ever", MachineLevel::Good);
+        const double share = *runtime_us / period_us;
+        const std::string found = format("%.0f %% of a processor for real time", 100.0 * share);
+        if (share >= 0.5) return add(name, found, MachineLevel::Good);
+        add(name, found, *runtime_us > 0.0 ? MachineLevel::Worse : MachineLevel::Missing,
+            "sudo sysctl -w kernel.sched_rt_runtime_us=950000");
     }
 
     void checkProcessors() {
         const std::string online = read(std::string(kProcessors) + "/online").value_or("?");
         const int count = answers_.processors;
         const std::string found = std::to_string(count) + " may be used (online: " + online + ")";
-        if (count >= 2)
-            add("processors", found, MachineLevel::Good);
-        else
-            add("processors", found + ": the loop shares it with all else", MachineLevel::Worse,
-                isContainer_ ? "# start the container with two processors or more: docker run --cpuset-cpus 0,1"
-                             : "# give the machine two processors or more, or start viable by: taskset -c 0,1");
+        addEither("processors", count >= 2, found, found + ": the loop shares it with all else",
+                  isContainer_ ? "# start the container with two processors or more: docker run --cpuset-cpus 0,1"
+                               : "# give the machine two processors or more, or start viable by: taskset -c 0,1");
     }
 
     void checkGovernor() {
         const auto governors = readOfProcessors("cpufreq/scaling_governor");
-        if (governors.empty()) {
-            add("CPU governor", "not shown: a fixed frequency, or the host of a virtual machine has it",
-                MachineLevel::Unknown);
-            return;
-        }
+        if (governors.empty())
+            return add("CPU governor", "not shown: a fixed frequency, or the host of a virtual machine has it",
+                       MachineLevel::Unknown);
         std::string found;
         for (const auto& [governor, count] : governors)
             detail::addItem(found, governor + " on " + std::to_string(count));
-        if (governors.size() == 1 && governors.begin()->first == "performance")
-            add("CPU governor", found, MachineLevel::Good);
-        else
-            add("CPU governor", found, MachineLevel::Worse,
-                "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor");
+        addEither("CPU governor", governors.size() == 1 && governors.begin()->first == "performance", found, found,
+                  "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor");
     }
 
     void checkIsolated() {
         const std::string file = std::string(kProcessors) + "/isolated";
-        if (!isThere(file)) {
-            add("isolated CPUs", "not shown", MachineLevel::Unknown);
-        } else if (const auto list = read(file)) {
-            add("isolated CPUs", *list + " (for --cpu)", MachineLevel::Good);
-        } else if (answers_.processors < 2) {
-            add("isolated CPUs", "none", MachineLevel::Worse,
-                "# one processor cannot be set apart; two or more are needed");
-        } else {
-            const std::string last = std::to_string(answers_.processors - 1);
-            add("isolated CPUs", "none", MachineLevel::Worse,
-                makeKernelRemedy("isolcpus=" + last + " nohz_full=" + last + " rcu_nocbs=" + last) + "; --cpu " + last);
-        }
+        if (!isThere(file)) return addHidden("isolated CPUs");
+        if (const auto list = read(file)) return add("isolated CPUs", *list + " (for --cpu)", MachineLevel::Good);
+        const std::string last = std::to_string(answers_.processors - 1);
+        add("isolated CPUs", "none", MachineLevel::Worse,
+            answers_.processors < 2
+                ? "# one processor cannot be set apart; two or more are needed"
+                : makeKernelRemedy("isolcpus=" + last + " nohz_full=" + last + " rcu_nocbs=" + last) + "; --cpu " +
+                      last);
     }
 
     void checkSiblings() {
         const auto active = read(std::string(kProcessors) + "/smt/active");
-        if (!active)
-            add("SMT", "not shown", MachineLevel::Unknown);
-        else if (*active == "0")
-            add("SMT", "off", MachineLevel::Good);
-        else
-            add("SMT", "on: a core's two threads slow each other", MachineLevel::Worse,
-                "echo off | sudo tee /sys/devices/system/cpu/smt/control");
+        if (!active) return addHidden("SMT");
+        addEither("SMT", *active == "0", "off", "on: a core's two threads slow each other",
+                  "echo off | sudo tee /sys/devices/system/cpu/smt/control");
     }
 
     void checkHeat() {
         const auto counts = readOfProcessors("thermal_throttle/core_throttle_count");
         double throttled = 0.0;
         for (const auto& [count, processors] : counts) throttled += processors * toNumber(count).value_or(0.0);
-        if (counts.empty())
-            add("heat", "not shown", MachineLevel::Unknown);
-        else if (throttled == 0.0)
-            add("heat", "never throttled since the start", MachineLevel::Good);
-        else
-            add("heat", format("throttled %.0f times since the start", throttled), MachineLevel::Worse,
-                "# cool the machine: clean its fans, leave room for the air; then restart and look again");
+        if (counts.empty()) return addHidden("heat");
+        addEither("heat", throttled == 0.0, "never throttled since the start",
+                  format("throttled %.0f times since the start", throttled),
+                  "# cool the machine: clean its fans, leave room for the air; then restart and look again");
     }
 
     struct Quota {
@@ -353,9 +330,8 @@ private:
         const auto quota = findQuota();
         if (!quota) {
             const bool isShown = isThere("proc/self/cgroup");
-            add("CPU quota", where + (isShown ? "none" : "not shown"),
-                isShown ? MachineLevel::Good : MachineLevel::Unknown);
-            return;
+            return add("CPU quota", where + (isShown ? "none" : "not shown"),
+                       isShown ? MachineLevel::Good : MachineLevel::Unknown);
         }
         const bool isVersion2 = quota->file.find("cpu.max") != std::string::npos;
         add("CPU quota",
@@ -368,43 +344,31 @@ private:
 
     void checkVirtual() {
         const auto info = readWhole(root_ / "proc/cpuinfo");
-        if (!info)
-            add("virtual machine", "not shown", MachineLevel::Unknown);
-        else if (info->find(" hypervisor") == std::string::npos)
-            add("virtual machine", "no sign of one", MachineLevel::Good);
-        else
-            add("virtual machine", "yes: its host may take the processor away at any time", MachineLevel::Worse,
-                "# run on the machine itself, or tie each virtual processor to one of the host's: virsh vcpupin");
+        if (!info) return addHidden("virtual machine");
+        addEither("virtual machine", info->find(" hypervisor") == std::string::npos, "no sign of one",
+                  "yes: its host may take the processor away at any time",
+                  "# run on the machine itself, or tie each virtual processor to one of the host's: virsh vcpupin");
     }
 
     void checkClock() {
         const std::string folder = "sys/devices/system/clocksource/clocksource0/";
         const auto clock = read(folder + "current_clocksource");
         const std::string others = " " + read(folder + "available_clocksource").value_or("") + " ";
-        if (!clock) {
-            add("clock source", "not shown", MachineLevel::Unknown);
-            return;
-        }
-        for (const char* slow : {"hpet", "acpi_pm", "jiffies", "pit", "xen"})
-            if (*clock == slow) {
-                add("clock source", *clock + ": reading the time takes long", MachineLevel::Worse,
-                    others.find(" tsc ") != std::string::npos
-                        ? "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource"
-                        : "sudo dmesg | grep -i -e tsc -e clocksource  # why the kernel does not trust a faster one");
-                return;
-            }
-        add("clock source", *clock, MachineLevel::Good);
+        if (!clock) return addHidden("clock source");
+        const auto slow = {"hpet", "acpi_pm", "jiffies", "pit", "xen"};
+        addEither("clock source", std::find(slow.begin(), slow.end(), *clock) == slow.end(), *clock,
+                  *clock + ": reading the time takes long",
+                  others.find(" tsc ") != std::string::npos
+                      ? "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource"
+                      : "sudo dmesg | grep -i -e tsc -e clocksource  # why the kernel does not trust a faster one");
     }
 
     void checkHugePages() {
         const auto mode = read("sys/kernel/mm/transparent_hugepage/enabled");
-        if (!mode)
-            add("huge pages", "not shown", MachineLevel::Unknown);
-        else if (mode->find("[always]") == std::string::npos)
-            add("huge pages", *mode, MachineLevel::Good);
-        else
-            add("huge pages", *mode + ": the kernel moves memory of a running loop", MachineLevel::Worse,
-                "echo madvise | sudo tee /sys/kernel/mm/transparent_hugepage/enabled");
+        if (!mode) return addHidden("huge pages");
+        addEither("huge pages", mode->find("[always]") == std::string::npos, *mode,
+                  *mode + ": the kernel moves memory of a running loop",
+                  "echo madvise | sudo tee /sys/kernel/mm/transparent_hugepage/enabled");
     }
 
     void checkSharedMemory() {
@@ -429,14 +393,11 @@ private:
     void checkUdp() {
         constexpr std::uint64_t kEnough = 64 * 1024;  // 50 packets and what the kernel adds to each
         if (answers_.udpError != 0)
-            add("UDP on this machine", "a packet to 127.0.0.1 does not come: " + describeCode(answers_.udpError),
-                MachineLevel::Missing, "sudo ip link set lo up");
-        else if (answers_.udpBuffer < kEnough)
-            add("UDP on this machine", "room for " + formatMemory(answers_.udpBuffer) + " of packets",
-                MachineLevel::Worse, "sudo sysctl -w net.core.rmem_default=212992");
-        else
-            add("UDP on this machine", "goes; room for " + formatMemory(answers_.udpBuffer) + " of packets",
-                MachineLevel::Good);
+            return add("UDP on this machine", "a packet to 127.0.0.1 does not come: " + describeCode(answers_.udpError),
+                       MachineLevel::Missing, "sudo ip link set lo up");
+        const std::string room = "room for " + formatMemory(answers_.udpBuffer) + " of packets";
+        addEither("UDP on this machine", answers_.udpBuffer >= kEnough, "goes; " + room, room,
+                  "sudo sysctl -w net.core.rmem_default=212992");
     }
 
     const SystemAnswers& answers_;

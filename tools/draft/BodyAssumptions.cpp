@@ -1,7 +1,6 @@
 #include "draft/BodyAssumptions.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "core/Text.h"
 #include "robot/RigidBody.h"
@@ -23,8 +22,7 @@ constexpr double kTubeShare = 0.035;
 constexpr double kSmallArm = 0.1;
 /** The volume of a mesh counts from this share of its capsule on: loose faces enclose less. A capsule that stands for
 a mesh is filled so far. */
-constexpr double kLeastFill = 0.2;
-constexpr double kFill = 0.6;
+constexpr double kLeastFill = 0.2, kFill = 0.6;
 /** A drawn link is in another unit where it is longer than this [m], and than so many times the arm. */
 constexpr double kLargestLink = 10.0, kLargestShare = 10.0;
 

@@ -228,8 +228,8 @@ std::vector<std::vector<LinkDistances::Placed>> LinkDistances::place(const Joint
         Eigen::Isometry3d pose = place.placement;
         if (place.carrier >= 0) {
             Eigen::Isometry3d carrier = Eigen::Isometry3d::Identity();
-            carrier.linear() = frames.rotation[static_cast<std::size_t>(place.carrier)];
-            carrier.translation() = frames.origin[static_cast<std::size_t>(place.carrier)];
+            carrier.linear() = frames.rotation[place.carrier];
+            carrier.translation() = frames.origin[place.carrier];
             pose = carrier * pose;
         }
         for (const DraftCapsule& c : links_[k].capsules) placed[k].push_back({pose * c.from, pose * c.to, c.radius});
@@ -282,7 +282,7 @@ JointBounds makeDraftRange(const std::vector<DraftJoint>& joints) {
     const auto n = static_cast<int>(joints.size());
     JointBounds range{JointVector(n), JointVector(n)};
     for (int i = 0; i < n; ++i) {
-        const DraftJoint& joint = joints[static_cast<std::size_t>(i)];
+        const DraftJoint& joint = joints[i];
         const double reach = getFreeReach(joint.type);
         const bool isKnown = std::isfinite(joint.positionLower) && std::isfinite(joint.positionUpper);
         range.lower[i] = isKnown ? joint.positionLower : -reach;
@@ -325,7 +325,7 @@ std::vector<DraftContact> draftContacts(const UrdfRobot& robot, const RobotDraft
 
 std::vector<DraftContact> draftHomeContacts(const RobotDraft& draft, const LinkDistances& distances) {
     JointVector home(draft.joints.size());
-    for (int i = 0; i < home.size(); ++i) home[i] = draft.joints[static_cast<std::size_t>(i)].home;
+    for (int i = 0; i < home.size(); ++i) home[i] = draft.joints[i].home;
     const std::vector<double> distance = distances.calc(home);
     std::vector<DraftContact> contacts;
     for (std::size_t k = 0; k < distance.size(); ++k) {

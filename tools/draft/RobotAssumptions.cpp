@@ -14,16 +14,12 @@ namespace viable::detail {
 namespace {
 
 /** Times in which an arm may reach its velocity and its acceleration limit. [s] */
-constexpr double kSpeedUp = 0.2;
-constexpr double kRampUp = 0.05;
+constexpr double kSpeedUp = 0.2, kRampUp = 0.05;
 /** Share of the effort that is friction; that moves the rotor at the acceleration limit; and that motors give at most to
 hold the arm and to accelerate it. */
-constexpr double kFrictionShare = 0.01;
-constexpr double kRotorShare = 0.1;
-constexpr double kMotorShare = 0.8;
+constexpr double kFrictionShare = 0.01, kRotorShare = 0.1, kMotorShare = 0.8;
 /** Velocity of a joint without a limit [rad/s, m/s]. */
-constexpr double kTurning = 1.0;
-constexpr double kSliding = 0.25;
+constexpr double kTurning = 1.0, kSliding = 0.25;
 /** Motors without a limit hold and accelerate the arm this many times. */
 constexpr double kSpareTorque = 2.0;
 /** No joint is taken to be lighter than this share of the heaviest: their motions could not be computed together. */
@@ -35,30 +31,22 @@ constexpr int kReachPoses = 2000;
 constexpr std::uint64_t kReachSeed = 1;
 /** A home pose keeps this share of the range from both ends, turns no joint further than half a turn, leaves links so far
 apart ([m], or less on a small arm), and has this share of the best mobility. */
-constexpr double kInnerMargin = 0.15;
-constexpr double kApart = 0.05;
-constexpr double kApartShare = 0.05;
+constexpr double kInnerMargin = 0.15, kApart = 0.05, kApartShare = 0.05;
 constexpr int kDirectionPoses = 50, kGapPoses = 200;
-constexpr double kNoDirection = 0.01;
-constexpr double kGoodShare = 0.5;
-constexpr double kNearlyBest = 0.9;
+constexpr double kNoDirection = 0.01, kGoodShare = 0.5, kNearlyBest = 0.9;
 /** A tool below the base is worth this share of one above: most arms stand on a table. */
 constexpr double kBelowShare = 0.3;
 /** An error of 1 rad counts as one of this share of the reach. */
 constexpr double kLeverShare = 1.0 / 3.0;
 
 /** Of the reach: radius of the ball that is in the way, and its distance from the arm at home. */
-constexpr double kBallShare = 0.06;
-constexpr double kGapShare = 0.02;
+constexpr double kBallShare = 0.06, kGapShare = 0.02;
 /** How far the hand that meets the ball goes to its sides, as a share of what the hand does. */
 constexpr double kAside = 0.5;
 
 /** A long way of a hand's reach, in shares of how far it goes along each axis, and a long turn [rad]; share of the joints'
 limits that it may need at the home pose. */
-constexpr double kLongWay = 1.5;
-constexpr double kLongTurn = 0.45;
-constexpr double kHandTurn = 0.3;
-constexpr double kHandLimitShare = 0.5;
+constexpr double kLongWay = 1.5, kLongTurn = 0.45, kHandTurn = 0.3, kHandLimitShare = 0.5;
 /** No run keeps less clearance [m]. */
 constexpr double kLeastSafety = 0.002;
 /** No hand is slower than this in its fastest reach [s]: the limits cannot be meant. */

@@ -25,8 +25,7 @@ constexpr double kHeaviestLink = 1000.0;
 constexpr double kFarCenter = 3.0;
 /** How large a link is taken to be where the file shows nothing larger: for judging its centre of mass, and its
 inertia. [m] */
-constexpr double kAssumedReach = 0.5;
-constexpr double kAssumedSize = 0.1;
+constexpr double kAssumedReach = 0.5, kAssumedSize = 0.1;
 /** A body's radius of gyration is at most its size: kg mm^2, or a placeholder of ones. */
 constexpr double kLargeGyration = 3.0;
 /** A rod's, 0.58 of its half length, is thirty times this share of its reach: t m^2, or a thousandth forgotten. */
@@ -47,7 +46,7 @@ std::string place(const std::string& where, const std::string& kind, const std::
 // --------------------------------------------------------------------------------------- joints
 
 DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<std::string>& warnings) {
-    const JointDescription& from = robot.joints[static_cast<std::size_t>(i)];
+    const JointDescription& from = robot.joints[i];
     DraftJoint joint;
     joint.name = from.name;
     joint.type = from.type;
@@ -55,7 +54,7 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<s
     joint.positionUpper = robot.position.upper[i];
     joint.velocity = robot.velocity.upper[i];
     joint.effort = robot.effort[i];
-    const std::string who = place(robot.jointPlaces[static_cast<std::size_t>(i)], "joint", joint.name);
+    const std::string who = place(robot.jointPlaces[i], "joint", joint.name);
     const auto blank = [&](const std::string& what, const std::string& key) {
         warnings.push_back(who + what + "; " + key + (assumes ? " is assumed." : " is left to be filled in."));
     };
@@ -108,21 +107,11 @@ double calcShapeReach(const UrdfRobot& robot, const std::string& link, const Eig
     double reach = 0.0;
     if (found == robot.shapes.end()) return reach;
     for (const LinkShape& shape : found->second.shapes) {
-        double size = 0.0;
-        switch (shape.kind) {
-            case LinkShape::Kind::Sphere:
-                size = shape.radius;
-                break;
-            case LinkShape::Kind::Box:
-                size = 0.5 * shape.size.norm();
-                break;
-            case LinkShape::Kind::Cylinder:
-                size = std::hypot(0.5 * shape.length, shape.radius);
-                break;
-            case LinkShape::Kind::Capsule:
-            case LinkShape::Kind::Mesh:
-                continue;
-        }
+        using Kind = LinkShape::Kind;
+        if (shape.kind == Kind::Capsule || shape.kind == Kind::Mesh) continue;
+        const double size = shape.kind == Kind::Sphere ? shape.radius
+                            : shape.kind == Kind::Box  ? 0.5 * shape.size.norm()
+                                                       : std::hypot(0.5 * shape.length, shape.radius);
         reach = std::max(reach, (shape.pose.translation() - center).norm() + size);
     }
     return reach;

@@ -22,8 +22,7 @@ struct DraftJoint {
 
 /** A capsule that contains one shape of a link, in the link's frame [m]. */
 struct DraftCapsule {
-    Eigen::Vector3d from = Eigen::Vector3d::Zero();
-    Eigen::Vector3d to = Eigen::Vector3d::Zero();
+    Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();
     double radius = 0.0;
 };
 

@@ -367,11 +367,9 @@ private:
                 length = first->size();
                 continue;
             }
-            length = static_cast<std::size_t>(std::mismatch(first->begin(),
-                                                            first->begin() + static_cast<std::ptrdiff_t>(length),
-                                                            joint.name.begin(), joint.name.end())
-                                                  .first -
-                                              first->begin());
+            length =
+                std::mismatch(first->begin(), first->begin() + length, joint.name.begin(), joint.name.end()).first -
+                first->begin();
         }
         // Whole words, or it would cut into `jaw` where others are called `joint1`.
         const std::size_t last = first ? first->find_last_of("_-/.:", length) : std::string::npos;

@@ -38,9 +38,6 @@ ConfigNode resolveMissedTicks(const std::vector<TickGap>& gaps, double tick_s);
 Environment readEnvironmentBlock(const ConfigNode& block);
 ConfigNode resolveEnvironment(ConfigNode block, const Environment& environment);
 
-/** `external_torque`. @return  true: it moves the nominal arm, too */
-bool readExternalTorque(const ConfigNode& node);
-
 PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints);
 /** One block, or a list of blocks and of names without parameters. */
 std::vector<PluginChoice> readFilters(const ConfigNode& node, const PluginLoader& loader, int joints);

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "core/Text.h"
-#include "experiment/CaseBlocks.h"
 #include "viable/simulation/ArmHardware.h"
 
 namespace viable::detail {

@@ -29,7 +29,7 @@ constexpr double kReached_m = 0.005;
 constexpr int kSearches = 40, kSearchSteps = 100;
 
 std::string getJoint(const RobotDescription& robot, int joint) {
-    return robot.joints[static_cast<std::size_t>(joint)].name;
+    return robot.joints[joint].name;
 }
 
 /** The largest share of its torque limit that a joint takes, and where. */
@@ -224,8 +224,8 @@ void addClearances(const ConfiguredCase& configured, CaseForecast& forecast) {
     const CasePlan& plan = configured.plan;
     if (!plan.environment) return;
     const auto getLink = [&](int capsule) {
-        const LinkCapsule& of = plan.geometry->capsules[static_cast<std::size_t>(capsule)];
-        return plan.geometry->links[static_cast<std::size_t>(of.link)];
+        const LinkCapsule& of = plan.geometry->capsules[capsule];
+        return plan.geometry->links[of.link];
     };
     ArmClearances clearances(plan.robot, *plan.geometry);
     std::map<std::pair<std::string, std::string>, double> least;

@@ -50,8 +50,7 @@ struct CasePlan {
     bool allowsLargeAngles = false;
     bool holdsOnReal = false;  ///< limits: {hold_on: real}
     std::string limitsPlace;   ///< where, for messages
-    double tick_s = 0.0;
-    double duration_s = 0.0;
+    double tick_s = 0.0, duration_s = 0.0;
     MotionState start;       ///< as written; configureCase() judges it
     std::string startPlace;  ///< where, for messages
     std::vector<TickGap> missedTicks;

@@ -157,7 +157,7 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     map.readOptional("robust_loop",
                      [&](const ConfigNode& block) { plan.robustLoop = read(block, PluginKind::RobustLoop); });
     map.readOptional("external_torque", [&](const ConfigNode& value) {
-        plan.feedsExternalTorque = readExternalTorque(value);
+        plan.feedsExternalTorque = toChoice(value, {"to_nominal", "ignored"}) == "to_nominal";
         plan.externalTorquePlace = value.place();
     });
     map.readOptional("disturbance_set",

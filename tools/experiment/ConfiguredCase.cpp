@@ -3,7 +3,6 @@
 
 #include "core/ErrorParts.h"
 #include "environment/ArmSurroundings.h"
-#include "experiment/CaseBlocks.h"
 #include "experiment/CaseBound.h"
 #include "experiment/CaseChecks.h"
 #include "experiment/StartCheck.h"

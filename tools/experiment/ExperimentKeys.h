@@ -27,8 +27,7 @@ struct PayloadSettings {
 
 struct LimitSettings {
     JointLimits limits;
-    bool allowsLargeAngles = false;
-    bool holdsOnReal = false;
+    bool allowsLargeAngles = false, holdsOnReal = false;
 
     template <class V>
     void describe(V& v) {

@@ -73,7 +73,7 @@ private:
         }
         return best;
     }
-    std::string name(Eigen::Index joint) const { return plan_.robot.joints[static_cast<std::size_t>(joint)].name; }
+    std::string name(Eigen::Index joint) const { return plan_.robot.joints[joint].name; }
 
     std::string explainKr(const LinearErrorLoop& loop) const {
         const Eigen::Index joint = findJoint(loop, &LinearErrorLoop::kr);

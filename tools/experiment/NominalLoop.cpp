@@ -111,7 +111,7 @@ int findRestless(const Loop& loop, int displaced) {
         advanceNominal(decision, dt, arm);
         for (int i = 0; i < n; ++i) {
             const Following::Point at(kScale * arm.q[i], 0.0, 0.0, 0.0);
-            following[static_cast<std::size_t>(i)].add(at, Following::Point::Zero(), at.norm(), {}, 0, dt);
+            following[i].add(at, Following::Point::Zero(), at.norm(), {}, 0, dt);
         }
         Eigen::Index farthest = 0;
         const double size = arm.q.cwiseAbs().maxCoeff(&farthest);
@@ -124,7 +124,7 @@ int findRestless(const Loop& loop, int displaced) {
     int worst = -1;
     double most = 0.0;
     for (int i = 0; i < n; ++i) {
-        const double swing = following[static_cast<std::size_t>(i)].swing();
+        const double swing = following[i].swing();
         if (swing > most) worst = i;
         most = std::max(most, swing);
     }

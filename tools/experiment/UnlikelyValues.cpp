@@ -15,7 +15,7 @@ double getLargest(const JointBounds& bounds, int joint) {
 double calcReach(const RobotDescription& robot) {
     double reach = robot.toolPlacement.translation().norm();
     for (int i = 0; i < robot.size(); ++i)
-        reach += robot.joints[static_cast<std::size_t>(i)].placement.translation().norm() +
+        reach += robot.joints[i].placement.translation().norm() +
                  (robot.slides(i) ? getLargest(robot.limits.position, i) : 0.0);
     return reach;
 }
@@ -42,8 +42,8 @@ void addJoints(const RobotDescription& robot, const std::string& what, LimitKind
         const double figure = getLargest(*own[static_cast<int>(kind) - 1], i);
         const std::string meaning = explainUnlikely(values[k], figure, robot.slides(i), kind);
         if (meaning.empty()) continue;
-        found.push_back(what + " of " + robot.joints[static_cast<std::size_t>(i)].name + " is " +
-                        formatNumber(values[k]) + " " + getUnit(kind, robot.slides(i)) + ", " + meaning);
+        found.push_back(what + " of " + robot.joints[i].name + " is " + formatNumber(values[k]) + " " +
+                        getUnit(kind, robot.slides(i)) + ", " + meaning);
         return;
     }
 }

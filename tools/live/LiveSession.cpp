@@ -216,7 +216,7 @@ void LiveSession::markTake(TickRecord& record) {
 /** An operator who lets go wants the arm at rest as soon as it can be. */
 void LiveSession::tellHand(const TickRecord& record) {
     JointVector rest = record.nominal.q;
-    for (Eigen::Index i = 0; i < rest.size(); ++i) rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
+    for (Eigen::Index i = 0; i < rest.size(); ++i) rest[i] = record.stops[i].rest;
     teleoperated_->observe(record.nominal.q, rest);
 }
 

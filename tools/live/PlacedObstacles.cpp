@@ -135,7 +135,7 @@ void PlacedObstacles::renumber(const Surroundings& now, const Environment& own, 
         nearest.other -= placed;
         return;
     }
-    const char number = solids[static_cast<std::size_t>(nearest.other)].name.back();
+    const char number = solids[nearest.other].name.back();
     nearest.other = ownSolids + static_cast<int>(own.spheres.size()) + (own.map ? 1 : 0) + (number - '1');
 }
 
@@ -146,7 +146,7 @@ bool PlacedObstacles::request(const std::string& message) {
     std::optional<One> one = read(message);
     if (!one) return false;
     const std::lock_guard guard(lock_);
-    auto& place = wished_[static_cast<std::size_t>(one->place)];
+    auto& place = wished_[one->place];
     place = one->solid ? std::move(one) : std::nullopt;
     isNew_ = true;
     return true;

@@ -8,7 +8,6 @@ namespace viable {
 namespace {
 
 using nlohmann::json;
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /** Writes numbers, or only their names and counts. */
 class Writer {
@@ -18,12 +17,9 @@ public:
     void add(const char* name, double value) { add(name, &value, 1, 1); }
     /** @param given  of `count` numbers; where there are fewer, the rest are not numbers */
     void add(const char* name, const double* values, Eigen::Index given, Eigen::Index count) {
-        if (describes_) {
-            fields_.push_back({name, count});
-            return;
-        }
+        if (describes_) return fields_.push_back({name, count});
         for (Eigen::Index i = 0; i < count; ++i) {
-            const double value = i < given ? values[i] : kNaN;
+            const double value = i < given ? values[i] : kNan;
             bytes_.append(reinterpret_cast<const char*>(&value),
                           sizeof value);  // little-endian, as all machines it runs on
         }
@@ -61,13 +57,13 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     out.add("compute_us", record.compute_us);
     out.add("braking", record.braking ? 1.0 : 0.0);
     out.add("status", static_cast<double>(record.status));
-    out.add("hand", hand ? static_cast<double>(hand->state) : kNaN);
-    out.add("refusal", hand ? static_cast<double>(hand->refusal) : kNaN);
-    out.add("hand_age_s", hand ? hand->age_s : kNaN);
+    out.add("hand", hand ? static_cast<double>(hand->state) : kNan);
+    out.add("refusal", hand ? static_cast<double>(hand->refusal) : kNan);
+    out.add("hand_age_s", hand ? hand->age_s : kNan);
     out.add("tool", record.tool);
     out.add("target", record.command.tool);
     const LimitReport& nearest = record.reports[LimitKind::Clearance];
-    out.add("clearance", nearest.isKnown ? nearest.margin : kNaN);
+    out.add("clearance", nearest.isKnown ? nearest.margin : kNan);
     const double places[] = {static_cast<double>(nearest.link), static_cast<double>(nearest.other),
                              static_cast<double>(nearest.otherLink)};
     out.add("nearest", places, 3, 3);
@@ -92,8 +88,8 @@ void write(Writer& out, double now_s, const LiveStatus& status, const Teleoperat
     addJoints("target_q", record.command.q);
     double rest[kMaxJoints], limit[kMaxJoints];
     for (int i = 0; i < n; ++i) {
-        rest[i] = record.stops[static_cast<std::size_t>(i)].rest;
-        limit[i] = codeOf(record.joints[static_cast<std::size_t>(i)]);
+        rest[i] = record.stops[i].rest;
+        limit[i] = codeOf(record.joints[i]);
     }
     out.add("rest_q", rest, n, n);
     out.add("limit", limit, n, n);
@@ -141,8 +137,7 @@ std::string describeLive(const CasePlan& plan, const std::string& title, bool ha
             for (const json& obstacle : one["obstacles"]) obstacles.push_back(obstacle["name"]);
             all["environments"].push_back(std::move(one));
         }
-        if (plan.geometry)
-            for (const std::string& link : plan.geometry->links) links.push_back(link);
+        if (plan.geometry) links = plan.geometry->links;
     }
     if (takesObstacles)
         for (const std::string& name : PlacedObstacles::listNames()) obstacles.push_back(name);

@@ -252,8 +252,7 @@ private:
     const std::function<void(PageWish)> request_;
     asio::ssl::context tls_{asio::ssl::context::tls_server};
     unsigned short port_ = 0;
-    std::vector<std::string> authorities_, origins_;
-    std::vector<std::string> publicAuthorities_;
+    std::vector<std::string> authorities_, origins_, publicAuthorities_;
     std::string page_, policy_;
     const std::string watchSecret_ = makeRandomText();
 
@@ -393,8 +392,7 @@ private:
             now_ = texts_.front();
             texts_.pop_front();
         } else {
-            now_ = std::move(frame_);
-            frame_.reset();
+            now_ = std::exchange(frame_, nullptr);
         }
         socket_->write(*now_, isText, [self = shared_from_this()](error_code error) {
             if (error) return self->end();
@@ -710,8 +708,7 @@ template <class Run>
 void PageServer::Impl::serve(const Run& run) {
     for (;;) {
         try {
-            run();
-            return;
+            return run();
         } catch (const std::exception&) {  // of one connection, which has ended with it
             ++server_.counts_.refusedRequests;
         }

@@ -6,30 +6,10 @@
 
 #include "core/Text.h"
 #include "log/LimitKinds.h"
-#include "log/LogFields.h"
 #include "log/LogSeries.h"
 #include "records/McapFile.h"
 
 namespace viable {
-
-bool LogColumn::isText() const {
-    return field_->isText();
-}
-bool LogColumn::isInteger() const {
-    return field_->kind == LogKind::Integer;
-}
-bool LogColumn::mayLack() const {
-    return field_->mayLack;
-}
-double LogColumn::getNumber(const TickRecord& record) const {
-    return isInteger() ? static_cast<double>(field_->integer(record)) : field_->getNumber(record, index_);
-}
-std::int64_t LogColumn::getInteger(const TickRecord& record) const {
-    return field_->integer(record);
-}
-const char* LogColumn::getText(const TickRecord& record) const {
-    return field_->text(record, index_);
-}
 
 namespace {
 
@@ -54,7 +34,7 @@ std::vector<LogColumn> listColumns(const LogLayout& layout, const IsThere& isThe
         for (int joint = 0; joint < n; ++joint) {
             for (const LogField& field : channel.fields) {
                 if (!field.isPerJoint() || !isThere(channel, field)) continue;
-                const std::string& name = layout.jointNames[static_cast<std::size_t>(joint)];
+                const std::string& name = layout.jointNames[joint];
                 columns.emplace_back(channel.name + "." + name + "." + field.name, field, joint);
             }
         }
@@ -424,10 +404,7 @@ struct LogReader::Impl {
 
     // A row is whole when every channel with a message in each row has given it.
     TickRecord row;
-    std::uint32_t rowSequence = 0;
-    std::uint32_t seen = 0;
-    std::uint32_t expected = 0;
-    std::uint32_t declared = 0;
+    std::uint32_t rowSequence = 0, seen = 0, expected = 0, declared = 0;
 };
 
 LogReader::LogReader(const std::filesystem::path& file) : impl_(std::make_unique<Impl>(file)) {}

@@ -1,10 +1,8 @@
 #pragma once
 
-#include "log/LogWriter.h"
+#include "log/LogFields.h"
 
 namespace viable {
-
-struct LogField;  // one logged quantity, internal
 
 /** One column of a log seen as a table: "time_s", "nominal.joint0.q_rad", "tick.status", ... */
 class LogColumn {
@@ -13,14 +11,16 @@ public:
         : name_(std::move(name)), field_(&field), index_(index) {}
 
     const std::string& name() const { return name_; }
-    bool isText() const;     ///< a word such as "jerk_upper"; otherwise a number
-    bool isInteger() const;  ///< a number without fraction
-    bool mayLack() const;    ///< LogField::mayLack
+    bool isText() const { return field_->isText(); }                     ///< a word; otherwise a number
+    bool isInteger() const { return field_->kind == LogKind::Integer; }  ///< a number without fraction
+    bool mayLack() const { return field_->mayLack; }                     ///< LogField::mayLack
     /** The value of a column that is no text. */
-    double getNumber(const TickRecord& record) const;
-    std::int64_t getInteger(const TickRecord& record) const;
+    double getNumber(const TickRecord& record) const {
+        return isInteger() ? static_cast<double>(field_->integer(record)) : field_->getNumber(record, index_);
+    }
+    std::int64_t getInteger(const TickRecord& record) const { return field_->integer(record); }
     /** The value of a text column. */
-    const char* getText(const TickRecord& record) const;
+    const char* getText(const TickRecord& record) const { return field_->text(record, index_); }
 
 private:
     std::string name_;

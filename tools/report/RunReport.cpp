@@ -104,11 +104,6 @@ json describeBits() {
     return names;
 }
 
-/** 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted. */
-std::uint16_t toCode(FilterStatus status) {
-    return std::min<std::uint16_t>(static_cast<std::uint16_t>(status), 5);
-}
-
 /** How many ticks took how long. */
 class TickTimes {
 public:
@@ -211,8 +206,8 @@ public:
             const double last = acceleration;
             acceleration = rows_ > 0 && tick_s_ > 0.0 ? (at(r.real.qd, i) - at(lastVelocity_, i)) / tick_s_ : kNan;
             jerk = (acceleration - last) / tick_s_;  // not a number before the third row
-            if (!external_.empty()) values_[index(i, kExternal)] = external_[static_cast<std::size_t>(i)]->getNumber(r);
-            actives_[static_cast<std::size_t>(i)] = toBit(r.joints[i]);
+            if (!external_.empty()) values_[index(i, kExternal)] = external_[i]->getNumber(r);
+            actives_[i] = toBit(r.joints[i]);
         }
         lastVelocity_ = r.real.qd;
         if (hasEnvironment_) addClearance(r);
@@ -220,7 +215,8 @@ public:
         if (hasToolCommand_) addTool(r);
         tracks_.add(values_);
         limits_.add(actives_);
-        status_.add({toCode(r.status)});
+        // 0 passed, 1 modified, 2 stopped_by_plan, 3 recovering, 4 infeasible, 5 invalid or faulted.
+        status_.add({std::min<std::uint16_t>(static_cast<std::uint16_t>(r.status), 5)});
         addPose(nominal_, r.nominal.q);
         if (hasRealArm_) addPose(real_, r.real.q);
         // How long a tick is only the second row tells: whether the first one was late, too.
@@ -235,7 +231,7 @@ public:
     json describe(BinaryBlock& block) const {
         json joints = json::array();
         for (int i = 0; i < n_; ++i) {
-            json series = constants_[static_cast<std::size_t>(i)];
+            json series = constants_[i];
             for (std::size_t k = 0; k < kQuantityCount; ++k)
                 series[kQuantities[k].name] =
                     isShown(kQuantities[k]) ? describeSeries(index(i, k), block) : json(nullptr);
@@ -304,7 +300,7 @@ private:
             values_[toolTrack() + 1] = calcDistance(calcTool_(r.actual.q.size() == n_ ? r.actual.q : r.real.q));
     }
     void addPose(detail::Samples& samples, const JointVector& q) {
-        for (int i = 0; i < n_; ++i) pose_[static_cast<std::size_t>(i)] = at(q, i);
+        for (int i = 0; i < n_; ++i) pose_[i] = at(q, i);
         samples.add(pose_);
     }
     void addTake(const TickRecord& r) {
@@ -316,8 +312,8 @@ private:
     void addClearance(const TickRecord& r) {
         double duration_s = 0.0;
         for (int i = 0; i < n_; ++i) {
-            const TickRecord::Stop& stop = r.stops[static_cast<std::size_t>(i)];
-            pose_[static_cast<std::size_t>(i)] = stop.rest;
+            const TickRecord::Stop& stop = r.stops[i];
+            pose_[i] = stop.rest;
             duration_s = std::max(duration_s, stop.duration_s);
         }
         rest_.add(pose_);

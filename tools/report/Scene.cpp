@@ -60,10 +60,6 @@ std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
            "STL, OBJ, PLY, DAE or glTF.";
 }
 
-const char* getName(JointType type) {
-    return enumName<JointType::Prismatic>(type, {"revolute", "continuous", "prismatic"}, "");
-}
-
 }  // namespace
 
 json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block, json& joints) {
@@ -77,13 +73,14 @@ json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block,
     }
     if (robot.size() != static_cast<int>(joints.size())) return nullptr;  // another robot by now
     for (int i = 0; i < robot.size(); ++i)
-        joints[static_cast<std::size_t>(i)]["kind"] = getName(robot.joints[static_cast<std::size_t>(i)].type);
+        joints[i]["kind"] =
+            enumName<JointType::Prismatic>(robot.joints[i].type, {"revolute", "continuous", "prismatic"}, "");
     const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
     json links = json::array();
     // The base, then the moving frame of joint i as link i + 1, then what has shapes.
     links.push_back(makeLink("base", -1, -1, Eigen::Isometry3d::Identity(), z));
     for (int i = 0; i < robot.size(); ++i) {
-        const JointDescription& joint = robot.joints[static_cast<std::size_t>(i)];
+        const JointDescription& joint = robot.joints[i];
         links.push_back(makeLink(joint.childLink, joint.parent + 1, i, joint.placement, joint.axis));
     }
     const std::size_t tool = links.size();

@@ -2,10 +2,6 @@
 
 namespace viable {
 
-bool CaseResult::isRealGuaranteeBroken() const {
-    return holdsOnReal && guarantees.hasJoints() && summary.anyRealLimitBroken();
-}
-
 LimitSet CaseResult::brokenGuarantees() const {
     LimitSet broken;
     for (const LimitAccount& account : summary.accounts()) broken.set(account.kind, account.nominal.violatedTicks > 0);

@@ -38,7 +38,7 @@ struct CaseResult {
     std::int64_t logRows = 0;
 
     /** The guarantee on the real arm was broken: it passed a limit before anything had tripped. */
-    bool isRealGuaranteeBroken() const;
+    bool isRealGuaranteeBroken() const { return holdsOnReal && guarantees.hasJoints() && summary.anyRealLimitBroken(); }
     /** Limits of the whole arm that the filter guarantees and the nominal arm broke. */
     LimitSet brokenGuarantees() const;
     /** 0, or the ErrorKind's number: broken guarantee before lost tracking before failed plugin before lost log. */

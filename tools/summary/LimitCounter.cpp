@@ -22,8 +22,7 @@ void begin(ArmLimitRecord& record, const LimitRow& row) {
 bool isHeld(const TickRecord& record, LimitKind kind) {
     const LimitReport& report = record.reports[kind];
     bool isHeld = report.isKnown && !report.isKept;
-    for (Eigen::Index i = 0; i < record.nominal.q.size(); ++i)
-        isHeld |= record.joints[static_cast<std::size_t>(i)].limit == kind;
+    for (Eigen::Index i = 0; i < record.nominal.q.size(); ++i) isHeld |= record.joints[i].limit == kind;
     return isHeld;
 }
 

@@ -234,8 +234,7 @@ void addChatter(const CaseResult& r, std::vector<std::string>& found) {
 std::string nameNearest(const CaseResult& r) {
     const LimitReport& nearest = r.summary.standstill().nearest;
     const auto find = [](const std::vector<std::string>& names, int index) {
-        return index >= 0 && index < static_cast<int>(names.size()) ? names[static_cast<std::size_t>(index)]
-                                                                    : std::string("what is around");
+        return index >= 0 && index < static_cast<int>(names.size()) ? names[index] : std::string("what is around");
     };
     if (!nearest.isKnown || r.links.empty()) return "";
     return " (" + find(r.links, nearest.link) + " next to " +

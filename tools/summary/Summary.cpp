@@ -193,8 +193,8 @@ void Summary::addEnd(const MotionState& nominal, double time_s) {
 }
 
 void Summary::addIntervention(int i, const TickRecord& record) {
-    const JointIntervention& joint = record.joints[static_cast<std::size_t>(i)];
-    Acting& acting = acting_[static_cast<std::size_t>(i)];
+    const JointIntervention& joint = record.joints[i];
+    Acting& acting = acting_[i];
     const bool goesOn = joint.limit == acting.last.limit && joint.side == acting.last.side;
     acting.episodeTicks = goesOn ? acting.episodeTicks + 1 : 1;
     acting.last = joint;
@@ -214,7 +214,7 @@ void Summary::addStops(const TickRecord& record) {
     if (record.verdict == StopVerdict::Recovering) ++recovering_;
     if (record.verdict == StopVerdict::NoStop && unviable_++ == 0) firstUnviable_s_ = record.time_s;
     for (int i = 0; i < size(); ++i) {
-        const TickRecord::Stop& stop = record.stops[static_cast<std::size_t>(i)];
+        const TickRecord::Stop& stop = record.stops[i];
         if (stop.margin < worstMargin_.value) worstMargin_ = {stop.margin, i, record.time_s};
         if (stop.duration_s > longestStop_.value) longestStop_ = {stop.duration_s, i, record.time_s};
     }
@@ -226,11 +226,11 @@ bool Summary::hasJointCommand(const TickRecord& record) const {
 
 void Summary::addCommand(int i, const TickRecord& record) {
     if (!hasJointCommand(record)) return;
-    if (record.paused || record.touch.isOn) return following_[static_cast<std::size_t>(i)].skip();
+    if (record.paused || record.touch.isOn) return following_[i].skip();
     const double target = std::max(bounds_.position.lower[i], std::min(record.command.q[i], bounds_.position.upper[i]));
     const auto add = [&](std::vector<Following>& joints, double q) {
-        joints[static_cast<std::size_t>(i)].add(makePoint(q), makePoint(target), std::abs(q - target),
-                                                findJointPace(bounds_, i), actingKinds_, tick_s_);
+        joints[i].add(makePoint(q), makePoint(target), std::abs(q - target), findJointPace(bounds_, i), actingKinds_,
+                      tick_s_);
     };
     add(following_, record.nominal.q[i]);
     if (hasRealPlant_ && record.hasReading) add(realFollowing_, record.actual.q[i]);
@@ -285,7 +285,7 @@ void Summary::addRest(int i, const TickRecord& record) {
     const double lower = bounds_.position.lower[i], upper = bounds_.position.upper[i];
     const double q = record.nominal.q[i], range = upper - lower;
     const double jerkLimit = std::max(-bounds_.jerk.lower[i], bounds_.jerk.upper[i]);
-    RestPeriod& rest = rests_[static_cast<std::size_t>(i)];
+    RestPeriod& rest = rests_[i];
     if (!hasJointCommand(record) || !std::isfinite(range) || !std::isfinite(jerkLimit)) return;
     const double near = kNearShare * range, target = record.command.q[i];
     if (!(std::abs(q - rest.q) <= 0.5 * kRestShare * range) || target != rest.target) rest = {q, target, record.time_s};
@@ -417,7 +417,7 @@ void Summary::addStandstill(const TickRecord& record) {
         const double limit = v < 0.0 ? -bounds_.velocity.lower[i] : bounds_.velocity.upper[i];
         isStanding = std::abs(v) <= kStandingShare * (std::isfinite(limit) ? limit : 1.0);
         // Of the kinds that hold a whole arm one is named before those of a joint.
-        const LimitKind own = record.joints[static_cast<std::size_t>(i)].limit;
+        const LimitKind own = record.joints[i].limit;
         if (own != LimitKind::None && (held == LimitKind::None || own >= LimitKind::Torque)) held = own;
     }
     if (!isStanding || held == LimitKind::None) {

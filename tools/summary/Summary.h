@@ -207,7 +207,7 @@ public:
     const Following& realTool() const { return realTool_; }
     const Following& realTurn() const { return realTurn_; }
     /** Of a joint with joint commands; without ticks otherwise. */
-    const Following& following(int joint) const { return following_[static_cast<std::size_t>(joint)]; }
+    const Following& following(int joint) const { return following_[joint]; }
     /** RMS over ticks and joints of the real arm's - commanded position, as commandErrorRms() [rad]. */
     double realCommandErrorRms() const { return Following::errorRms(realFollowing_); }
     void setTask(const ToolTask& task) { task_ = task; }
@@ -277,10 +277,10 @@ public:
     const LatencyHistogram& tickTime() const { return tickTime_; }
     const LatencyHistogram& stageTime(Stage stage) const { return stageTimes_[static_cast<int>(stage)]; }
     const std::vector<std::string>& jointNames() const { return jointNames_; }
-    const std::string& jointName(int joint) const { return jointNames_[static_cast<std::size_t>(joint)]; }
+    const std::string& jointName(int joint) const { return jointNames_[joint]; }
     int size() const { return static_cast<int>(jointNames_.size()); }  ///< joints
     /** The joint's figures are in m and N, not in rad and Nm. */
-    bool slides(int joint) const { return slides_[static_cast<std::size_t>(joint)]; }
+    bool slides(int joint) const { return slides_[joint]; }
 
 private:
     /** Adds `values` at a time to `records`; true when any is outside. */

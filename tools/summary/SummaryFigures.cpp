@@ -85,9 +85,8 @@ public:
         for (std::size_t k = 0; k < kinds; ++k) {
             const LimitKind kind = kNominalKinds[k];
             const std::string name = getName(kind, LimitSide::Neither);
-            add(name + ".<joint>." + key, [records, kind, get](S s, int i) {
-                return toJson(std::invoke(get, (s.*records)(kind)[static_cast<std::size_t>(i)]));
-            });
+            add(name + ".<joint>." + key,
+                [records, kind, get](S s, int i) { return toJson(std::invoke(get, (s.*records)(kind)[i])); });
             if (column.empty()) continue;
             this->column(column + name + (unitEnds.empty() ? "" : unitEnds[k]),
                          unitEnds.empty() ? "" : getUnit(kind, false),

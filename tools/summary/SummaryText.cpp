@@ -189,10 +189,6 @@ std::string formatOutside(const Summary& s, LimitKind kind) {
     return format(excess == 0.0 ? "%7lld%9.0f" : "%7lld%9.2g", ticks, excess);
 }
 
-std::string formatChatter(const Summary& s) {
-    return std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
-}
-
 /** "position by 0.2 rad (joint3), velocity by ...": what the real arm passed; empty: nothing. */
 std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>& (Summary::*limit)(LimitKind) const) {
     std::string text;
@@ -547,10 +543,6 @@ double getCommandError(const Summary& s) {
     return std::isnan(s.toolErrorRms()) ? s.commandErrorRms() : s.toolErrorRms();
 }
 
-std::string formatRanked(const Summary& s) {
-    return formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
-}
-
 /** "controller, limits": what differs besides the filter. */
 std::string listDifferences(const CaseResult& a, const CaseResult& b) {
     std::set<std::string> keys;
@@ -775,10 +767,11 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
         const bool isRanked = isEqual(*r, *model);
         text += format("%2s %-22s |", isRanked ? std::to_string(++place).c_str() : "-", r->name.c_str());
         for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
-        text +=
-            format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
-                   static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
-                   formatRanked(s).c_str(), formatChatter(s).c_str(), s.stageTime(Stage::Filter).calcQuantile_us(0.5));
+        const std::string error = formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
+        const std::string chatter = std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
+        text += format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
+                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
+                       error.c_str(), chatter.c_str(), s.stageTime(Stage::Filter).calcQuantile_us(0.5));
         std::string remarks;
         for (const LimitKind kind : ranking)
             if (const std::int64_t ticks = countBroken(s, kind); ticks > 0)

@@ -81,9 +81,7 @@ SweepValue makeValue(const std::string& text) {
 
 template <class Number>
 void put(std::string& bytes, Number number) {
-    char raw[sizeof number];
-    std::memcpy(raw, &number, sizeof number);
-    bytes.append(raw, sizeof number);
+    bytes.append(reinterpret_cast<const char*>(&number), sizeof number);
 }
 
 void putText(std::string& bytes, const std::string& text) {
@@ -198,22 +196,12 @@ SweepRow unpackRow(const std::string& bytes) {
     row.caseName = from.readText();
     const auto count = from.take<std::uint64_t>();
     for (std::uint64_t i = 0; i < count; ++i) {
-        switch (from.take<std::uint8_t>()) {
-            case 0:
-                row.values.emplace_back();
-                break;
-            case 1:
-                row.values.emplace_back(from.take<double>());
-                break;
-            case 2:
-                row.values.emplace_back(from.take<std::int64_t>());
-                break;
-            case 3:
-                row.values.emplace_back(from.readText());
-                break;
-            default:
-                throw std::runtime_error("a row of the sweep has a value of no known type");
-        }
+        SweepValue& value = row.values.emplace_back();
+        const auto type = from.take<std::uint8_t>();
+        if (type == 1) value = from.take<double>();
+        if (type == 2) value = from.take<std::int64_t>();
+        if (type == 3) value = from.readText();
+        if (type > 3) throw std::runtime_error("a row of the sweep has a value of no known type");
     }
     if (!from.isAtEnd()) throw std::runtime_error("a row of the sweep has more than it says");
     return row;

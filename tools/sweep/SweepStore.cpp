@@ -351,19 +351,11 @@ bool SweepStore::next(SweepRow& row) const {
     row.caseName = Impl::getText(from, 1);
     row.values.clear();
     for (int i = 2; i < sqlite3_column_count(from); ++i) {
-        switch (sqlite3_column_type(from, i)) {
-            case SQLITE_INTEGER:
-                row.values.emplace_back(static_cast<std::int64_t>(sqlite3_column_int64(from, i)));
-                break;
-            case SQLITE_FLOAT:
-                row.values.emplace_back(sqlite3_column_double(from, i));
-                break;
-            case SQLITE_TEXT:
-                row.values.emplace_back(Impl::getText(from, i));
-                break;
-            default:
-                row.values.emplace_back();
-        }
+        SweepValue& value = row.values.emplace_back();
+        const int type = sqlite3_column_type(from, i);
+        if (type == SQLITE_INTEGER) value = static_cast<std::int64_t>(sqlite3_column_int64(from, i));
+        if (type == SQLITE_FLOAT) value = sqlite3_column_double(from, i);
+        if (type == SQLITE_TEXT) value = Impl::getText(from, i);
     }
     return true;
 }

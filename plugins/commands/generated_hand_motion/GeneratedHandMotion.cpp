@@ -121,7 +121,7 @@ TickStatus GeneratedHandMotion::sample(double t, MotionCommand& out) {
     const MinimumJerk blend = calcMinimumJerk(t / kTremorBlend_s);
     for (int axis = 0; axis < 6; ++axis) {
         double sum = 0.0, sumRate = 0.0;
-        for (const Sine& sine : sines_[static_cast<std::size_t>(axis)]) {
+        for (const Sine& sine : sines_[axis]) {
             sum += std::sin(sine.omega * t + sine.phase);
             sumRate += sine.omega * std::cos(sine.omega * t + sine.phase);
         }

@@ -135,20 +135,17 @@ bool Teleoperation::take(const HandMessage& message, double now_s) {
     if (!isNew && !isFollowing) return false;                    // over, until the switch is pressed anew
     if (!isNew && message.sent_s <= last_.sent_s) return false;  // older than what is known, or the same again
     engagement_ = message.engagement;
-    if (!isUsable(message)) {
-        end(HandState::Refused, HandRefusal::NotFinite);
+    const bool begins =
+        isNew || state_ == HandState::Held || message.scale != last_.scale || message.part != last_.part;
+    const HandRefusal refusal = !isUsable(message)           ? HandRefusal::NotFinite
+                                : !message.isTracked         ? HandRefusal::NotTracked
+                                : !begins && isJump(message) ? HandRefusal::Jump
+                                                             : HandRefusal::None;
+    if (refusal != HandRefusal::None) {
+        end(HandState::Refused, refusal);
         return true;
     }
-    if (!message.isTracked) {
-        end(HandState::Refused, HandRefusal::NotTracked);
-        return true;
-    }
-    if (isNew || state_ == HandState::Held || message.scale != last_.scale || message.part != last_.part) {
-        latch(message);
-    } else if (isJump(message)) {
-        end(HandState::Refused, HandRefusal::Jump);
-        return true;
-    }
+    if (begins) latch(message);
     follow(message);
     fresh_s_ = now_s;
     return true;

@@ -74,13 +74,6 @@ void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     reset(setup.start);
 }
 
-void Waypoints::reset(const MotionState& start) {
-    if (options_.isRelative)
-        offset_ = start.q;
-    else
-        offset_.setZero(n_);
-}
-
 TickStatus Waypoints::sample(double t, MotionCommand& out) {
     if (!(t >= 0.0) || !std::isfinite(t)) return TickStatus::InvalidInput;
     if (!isFinite(offset_, n_)) return TickStatus::Faulted;

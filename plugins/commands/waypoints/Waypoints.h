@@ -38,7 +38,9 @@ Real time: no allocation, lock or throw after configure(); O(log points) per cal
 class Waypoints : public CommandSource {
 public:
     void configure(const RunSetup& setup, const Parameters& parameters) override;
-    void reset(const MotionState& start) override;
+    void reset(const MotionState& start) override {
+        offset_ = options_.isRelative ? start.q : JointVector(JointVector::Zero(n_));
+    }
     CommandTraits traits() const override { return {MotionCommand::Space::Joint}; }
     TickStatus sample(double t, MotionCommand& out) override;
 

@@ -345,7 +345,7 @@ void LinkPlant::checkRobot(const MotionState& start) {
     for (int i = 0; i < n_; ++i) {
         const double away = std::abs(state_.q[i] - start.q[i]);
         if (away <= options_.startTolerance[i]) continue;
-        refuse("does not stand where the file starts: " + robot_->joints[static_cast<std::size_t>(i)].name + " is at " +
+        refuse("does not stand where the file starts: " + robot_->joints[i].name + " is at " +
                    formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
                "Move the robot there, start where it stands (`viable live --from-here`), or write its pose as the "
                "start: {position_rad: " +
@@ -369,8 +369,7 @@ void LinkPlant::checkRestTorque() {
         const double tolerance = std::max(held + options_.torqueShare * largest, noise);
         if (std::abs(restTorques_[i] + (options_.addsGravity ? dynamics_.gravity[i] : 0.0)) > limit)
             refuse("carries its arm at rest with " + detail::formatList(restTorques_) +
-                       " Nm, beyond the torque_limit_Nm " + formatShort(limit) + " of " +
-                       robot_->joints[static_cast<std::size_t>(i)].name,
+                       " Nm, beyond the torque_limit_Nm " + formatShort(limit) + " of " + robot_->joints[i].name,
                    "Correct the limit in actuation.yaml: with it this arm cannot be held.");
         if (std::abs(restTorques_[i] - expected[i]) <= tolerance) continue;
         const char* const guess =
@@ -383,8 +382,7 @@ void LinkPlant::checkRestTorque() {
         refuse("carries its arm at rest with " + detail::formatList(restTorques_) + " Nm, and the model expects " +
                    detail::formatList(expected) + " Nm" +
                    (options_.addsGravity ? " beside what the robot adds for gravity" : "") + " (" +
-                   robot_->joints[static_cast<std::size_t>(i)].name + " differs by more than " +
-                   formatShort(tolerance) + ")",
+                   robot_->joints[i].name + " differs by more than " + formatShort(tolerance) + ")",
                std::string(guess) +
                    "See gravity, the signs and the order of the joints, the robot's mounting and its payload; "
                    "rest_torque_share allows more.");

@@ -37,8 +37,7 @@ constexpr double kSoftest = 1e-4;
 /** Along the surface it is hard, with this share of creep instead. */
 constexpr double kSlipSoftness = 1e-4;
 /** Friction stops what slides below its force with this time constant, or as many sub-steps [s]. */
-constexpr double kSlipTime_s = 1e-3;
-constexpr double kSlipSteps = 2.0;
+constexpr double kSlipTime_s = 1e-3, kSlipSteps = 2.0;
 constexpr double kLeastMobility = 1e-6;  // [1/kg]
 
 }  // namespace

@@ -82,10 +82,10 @@ void SimbodyPlant::configureGears(const RunSetup& setup, const Parameters& param
     rotorInertia_ = links.actuation.rotorInertia;
     for (int i = 0; i < n_; ++i)
         if (!(rotorInertia_[i] > 0.0))
-            throw badInput(parameters.place("backlash_rad"),
-                           "joint `" + links.joints[static_cast<std::size_t>(i)].name +
-                               "` has no rotor inertia, and backlash lies between rotor and link",
-                           "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
+            throw badInput(
+                parameters.place("backlash_rad"),
+                "joint `" + links.joints[i].name + "` has no rotor inertia, and backlash lies between rotor and link",
+                "Give rotor_inertia_kgm2 in the robot's actuation.yaml, or no backlash.");
     links.actuation.rotorInertia.setZero(n_);
     model_ = std::make_unique<RobotModel>(links, engine_);
 

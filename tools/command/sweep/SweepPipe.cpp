@@ -7,7 +7,6 @@
 
 #include <cstdint>
 #include <cstring>
-#include <utility>
 
 #include "core/ChildProcess.h"
 
@@ -27,19 +26,7 @@ bool writeFrame(int pipe, const std::string& message) {
 }
 
 FrameReader::~FrameReader() {
-    if (pipe_ >= 0) ::close(pipe_);
-}
-
-FrameReader::FrameReader(FrameReader&& other) noexcept {
-    *this = std::move(other);
-}
-
-FrameReader& FrameReader::operator=(FrameReader&& other) noexcept {
-    std::swap(pipe_, other.pipe_);
-    std::swap(isClosed_, other.isClosed_);
-    std::swap(buffer_, other.buffer_);
-    std::swap(at_, other.at_);
-    return *this;
+    ::close(pipe_);
 }
 
 bool FrameReader::fill(int timeout_ms) {
@@ -91,7 +78,7 @@ PipedProcess::PipedProcess(const std::function<void(FrameReader& from, int to)>&
     ::close(down[0]);
     ::close(up[1]);
     to_ = down[1];
-    messages_ = FrameReader(up[0]);
+    messages_.emplace(up[0]);
 }
 
 PipedProcess::~PipedProcess() {

@@ -14,12 +14,11 @@ bool writeFrame(int pipe, const std::string& message);
 /** Takes messages out of a pipe; one that was cut off by the writer's death is never seen. */
 class FrameReader {
 public:
-    FrameReader() = default;
     /** @param pipe  closed by the destructor */
     explicit FrameReader(int pipe) : pipe_(pipe) {}
     ~FrameReader();
-    FrameReader(FrameReader&& other) noexcept;
-    FrameReader& operator=(FrameReader&& other) noexcept;
+    FrameReader(const FrameReader&) = delete;
+    FrameReader& operator=(const FrameReader&) = delete;
 
     /** Reads what is there, after at most `timeout_ms` (-1: whatever it takes). False: nothing came. */
     bool fill(int timeout_ms);
@@ -29,7 +28,7 @@ public:
     bool isClosed() const { return isClosed_; }
 
 private:
-    int pipe_ = -1;
+    const int pipe_;
     bool isClosed_ = false;
     std::string buffer_;
     std::size_t at_ = 0;  // what lies before was taken
@@ -46,7 +45,7 @@ public:
     ~PipedProcess();
 
     /** Messages that it wrote. */
-    FrameReader& messages() { return messages_; }
+    FrameReader& messages() { return *messages_; }
     /** False: it reads no more. */
     bool send(const std::string& message) { return writeFrame(to_, message); }
     /** Does not wait for its death. */
@@ -60,7 +59,7 @@ public:
 private:
     pid_t pid_ = -1;  // -1: ended
     int to_ = -1;
-    FrameReader messages_;
+    std::optional<FrameReader> messages_;
     int status_ = 0;
 };
 

@@ -46,13 +46,6 @@ py::object readNode(const ConfigNode& node) {
     return py::none();
 }
 
-/** (2, n): lower, upper. */
-py::array makeBounds(const JointBounds& bounds) {
-    Eigen::MatrixXd rows(2, bounds.lower.size());
-    rows << bounds.lower.transpose(), bounds.upper.transpose();
-    return makeMatrix(rows);
-}
-
 py::object makeSetup(const RunSetup& setup) {
     const py::handle host = getHost();
     py::list names;
@@ -157,13 +150,6 @@ py::tuple makeState(const MotionState& state) {
 py::object makeDynamics(const Dynamics& d) {
     return getHost().attr("Dynamics")(makeMatrix(d.M), makeArray(d.b), makeArray(d.gravity), makeMatrix(d.J),
                                       makePose(d.tool));
-}
-
-py::array makePose(const Pose& pose) {
-    Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
-    matrix.topLeftCorner<3, 3>() = pose.orientation.toRotationMatrix();
-    matrix.topRightCorner<3, 1>() = pose.position;
-    return makeMatrix(matrix);
 }
 
 Pose readPose(const py::handle& value, const std::string& place) {

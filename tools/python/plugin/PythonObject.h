@@ -55,8 +55,6 @@ private:
 // What goes in: copies, which the class may keep and change.
 py::tuple makeState(const MotionState& state);
 py::object makeDynamics(const Dynamics& dynamics);
-/** 4 x 4, base frame [m] */
-py::array makePose(const Pose& pose);
 /** Throws Error for what is no pose; numbers that are not finite pass. */
 Pose readPose(const py::handle& value, const std::string& place);
 

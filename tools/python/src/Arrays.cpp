@@ -57,4 +57,17 @@ py::array makeArray(const JointVector& v) {
     return py::array_t<double>(v.size(), v.data());
 }
 
+py::array makeBounds(const JointBounds& bounds) {
+    Eigen::MatrixXd rows(2, bounds.lower.size());
+    rows << bounds.lower.transpose(), bounds.upper.transpose();
+    return makeMatrix(rows);
+}
+
+py::array makePose(const Pose& pose) {
+    Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+    matrix.topLeftCorner<3, 3>() = pose.orientation.toRotationMatrix();
+    matrix.topRightCorner<3, 1>() = pose.position;
+    return makeMatrix(matrix);
+}
+
 }  // namespace viable::python

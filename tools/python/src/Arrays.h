@@ -37,11 +37,15 @@ py::array makeMatrix(const Matrix& m) {
     Eigen::Map<Rows>(array.mutable_data(), m.rows(), m.cols()) = m;
     return array;
 }
+/** (2, n): lower, upper. */
+py::array makeBounds(const JointBounds& bounds);
+/** 4 x 4, base frame [m] */
+py::array makePose(const Pose& pose);
 
-/** "(4096, 6)" */
 /** As Python's text: bytes that are no UTF-8, such as of a plugin's message, become U+FFFD. */
 py::str makeText(std::string_view text);
 
+/** "(4096, 6)" */
 std::string formatShape(const py::array& array);
 
 /** The limits of a viable.Limits; None: nothing. */

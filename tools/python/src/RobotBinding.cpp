@@ -87,13 +87,6 @@ PythonLimits newLimits(const py::object& position, const py::object& velocity, c
     return limits;
 }
 
-py::array makeBounds(const JointBounds& bounds) {
-    Eigen::Matrix<double, 2, Eigen::Dynamic> both(2, bounds.lower.size());
-    both.row(0) = bounds.lower.transpose();
-    both.row(1) = bounds.upper.transpose();
-    return makeMatrix(both);
-}
-
 PythonLimits replaceLimits(const PythonLimits& old, const py::kwargs& changes) {
     PythonLimits limits = old;
     const int n = old.limits.size();
@@ -168,13 +161,7 @@ void bindDynamics(py::module_& module) {
             "J", [](const Dynamics& d) { return makeMatrix(d.J); },
             "(6, n): twist of the tool (linear, angular; base frame) = J qd")
         .def_property_readonly(
-            "tool",
-            [](const Dynamics& d) {
-                Eigen::Matrix4d pose = Eigen::Matrix4d::Identity();
-                pose.topLeftCorner<3, 3>() = d.tool.orientation.toRotationMatrix();
-                pose.topRightCorner<3, 1>() = d.tool.position;
-                return makeMatrix(pose);
-            },
+            "tool", [](const Dynamics& d) { return makePose(d.tool); },
             "(4, 4): pose of the tool in the base frame [m]");
 }
 

@@ -415,10 +415,7 @@ export const limitText = (value, unit) => `${String(Number(value.toPrecision(4))
 
 /** The line of a limit: a number, or samples. */
 export function traceLimit(sink, value, frame) {
-  if (typeof value !== 'number') {
-    trace(sink, value, frame);
-    return;
-  }
+  if (typeof value !== 'number') return trace(sink, value, frame);
   sink.moveTo(frame.left, frame.toY(value));
   sink.lineTo(frame.left + frame.width, frame.toY(value));
 }

@@ -13,11 +13,10 @@ export function fillToolbar(host, state, { openHelp }) {
     jointChoice(state),
     zoomButtons(state),
     ...takeChoice(state),
-    el('span', { class: 'push' }),
+    el('span.push'),
     figureButtons(state),
     el(
-      'span',
-      { class: 'buttons' },
+      'span.buttons',
       themeButton(state),
       button({ class: 'icon-button', 'aria-label': 'Keys', title: 'Keys (?)', text: '?', onclick: openHelp }),
     ),
@@ -42,19 +41,19 @@ function jointChoice(state) {
   if (joints.length > 1) options.push([ALL_JOINTS, 'all joints']);
   const select = choice({ 'aria-label': 'Joint', title: 'Joint (j, k)' }, options, state.joint, (value) => state.setJoint(Number(value)));
   state.on('joint', () => (select.value = String(state.joint)));
-  return el('label', { class: 'joint-choice' }, 'Joint ', select);
+  return el('label.joint-choice', 'Joint ', select);
 }
 
 function zoomButtons(state) {
-  const text = el('span', { class: 'view-text' });
+  const text = el('span.view-text');
   const reset = iconButton('reset', 'Show the whole run (0, or double click in a plot)', () => state.resetView());
   state.follow('view', () => {
     text.textContent = `${seconds(state.view.min)} – ${seconds(state.view.max)} s`;
     reset.disabled = !state.isZoomed;
   });
   return el(
-    'span',
-    { class: 'buttons', role: 'group', 'aria-label': 'Time in view' },
+    'span.buttons',
+    { role: 'group', 'aria-label': 'Time in view' },
     iconButton('minus', 'Show more time (−)', () => state.zoom(2)),
     iconButton('plus', 'Zoom in at the scrubber (+)', () => state.zoom(0.5)),
     reset,
@@ -82,7 +81,7 @@ function takeChoice(state) {
     return [select];
   }
   const show = (take) => button({ text: name(take), title: `Show ${times(take)}`, onclick: () => go(take) });
-  return [el('span', { class: 'buttons', role: 'group', 'aria-label': 'Takes' }, ...takes.map(show))];
+  return [el('span.buttons', { role: 'group', 'aria-label': 'Takes' }, ...takes.map(show))];
 }
 
 function figureButtons(state) {
@@ -92,7 +91,7 @@ function figureButtons(state) {
     const onclick = () => saveFigure(state, { charts: limitCharts(state, state.joint), view: state.view }, format);
     return button({ class: 'quiet', text: name, 'aria-label': `Figure as ${name}`, title, onclick });
   };
-  return el('span', { class: 'figure tools' }, 'Figure', save('png'), save('svg'));
+  return el('span.figure.tools', 'Figure', save('png'), save('svg'));
 }
 
 /** The bar at the foot of the page: play, scrubber, speed. */
@@ -108,7 +107,7 @@ export function fillTransport(host, state) {
     'aria-label': 'Time',
     oninput: () => state.setTime(Number(scrubber.value)),
   });
-  const time = el('output', { class: 'time', for: 'scrubber' });
+  const time = el('output.time', { for: 'scrubber' });
   const speeds = SPEEDS.map((value) => [value, `${value} ×`]);
   const speed = choice({ 'aria-label': 'Speed', title: 'Speed' }, speeds, state.speed, (value) => state.set('speed', { speed: Number(value) }));
   state.follow('time', () => {

@@ -2,13 +2,15 @@ const SVG = 'http://www.w3.org/2000/svg';
 
 /**
  * Creates an element. Strings, as `text` or as children, always become text, never markup.
- * @param {string} tag
- * @param {Object} [properties] `class`, `text`, `style` (custom properties), `on<event>`, else attributes;
- *   null and false leave an attribute out
- * @param {...(Node|string|null)} children
+ * @param {string} kind the tag, with classes as a style sheet has them: "p.hint"
+ * @param {...(Object|Node|string|null)} children before them perhaps the properties: `class`, `text`, `style` (custom
+ *   properties), `on<event>`, else attributes; null and false leave an attribute out
  */
-export function el(tag, properties = {}, ...children) {
+export function el(kind, ...children) {
+  const [tag, ...classes] = kind.split('.');
   const element = document.createElement(tag);
+  if (classes.length > 0) element.className = classes.join(' ');
+  const properties = Object.getPrototypeOf(children[0] ?? '') === Object.prototype ? children.shift() : {};
   for (const [name, value] of Object.entries(properties)) {
     if (value === null || value === undefined || value === false) continue;
     if (name === 'text') element.textContent = value;
@@ -74,31 +76,29 @@ export function choice(properties, options, chosen, onchoose) {
 
 /** A table of the cells of its head and of its rows. */
 export const table = (properties, heads, rows) =>
-  el('table', properties, el('thead', {}, el('tr', {}, ...heads)), el('tbody', {}, ...rows));
+  el('table', properties, el('thead', el('tr', ...heads)), el('tbody', ...rows));
 
 /** What a page shows, and where that comes from. */
 export const titles = (title, origin) =>
   el(
-    'div',
-    { class: 'titles' },
+    'div.titles',
     el('h1', { text: title }),
-    el('p', { class: 'origin' }, ...origin.filter(Boolean).map((text) => el('span', { text }))),
+    el('p.origin', ...origin.filter(Boolean).map((text) => el('span', { text }))),
   );
 
 /** The list of the cases' verdicts. */
 export const verdicts = (columns, items) =>
-  el('ul', { class: 'verdicts', 'aria-label': 'Verdict per case', style: { '--columns': columns } }, ...items);
+  el('ul.verdicts', { 'aria-label': 'Verdict per case', style: { '--columns': columns } }, ...items);
 
 /** The verdict of a case: `kind` is ok, warn or bad, `said` an element; `more` stands below. */
 export const verdictItem = (kind, c, said, ...more) =>
   el(
     'li',
     { class: `verdict ${kind}` },
-    el('div', { class: 'verdict-case' }, swatch(c.index), el('strong', { text: c.name })),
+    el('div.verdict-case', swatch(c.index), el('strong', { text: c.name })),
     el(
-      'div',
-      { class: 'verdict-text' },
-      el('span', { class: 'mark', 'aria-hidden': 'true', text: { ok: '✓', bad: '✗', warn: '!' }[kind] }),
+      'div.verdict-text',
+      el('span.mark', { 'aria-hidden': 'true', text: { ok: '✓', bad: '✗', warn: '!' }[kind] }),
       said,
     ),
     ...more,
@@ -110,12 +110,12 @@ export function caseToggles(state, cases, event, shown, more = () => ({}), mark 
     button(
       { class: 'case-toggle', style: caseStyle(i), title: `Show or hide ${c.name}`, onclick: () => state.toggleCase(i), ...more(c, i) },
       swatch(i),
-      el('span', { class: 'case-name', text: c.name }),
+      el('span.case-name', { text: c.name }),
       mark(i),
     ),
   );
   state.follow(event, () => buttons.forEach((one, i) => setPressed(one, shown()[i])));
-  return el('div', { class: 'cases', role: 'group', 'aria-label': 'Cases' }, ...buttons);
+  return el('div.cases', { role: 'group', 'aria-label': 'Cases' }, ...buttons);
 }
 
 /** The mark of a case: a square in its colour, striped or hollow where its lines are broken. */

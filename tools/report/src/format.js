@@ -47,9 +47,7 @@ function decimalsOf(increment) {
 export function tick(value, increment) {
   if (Math.abs(value) < increment * 1e-6) return '0';
   const size = Math.abs(value);
-  if (size >= 1e4) {
-    return `${(value / 1e3).toFixed(decimalsOf(increment / 1e3))}k`.replace('-', MINUS);
-  }
+  if (size >= 1e4) return `${(value / 1e3).toFixed(decimalsOf(increment / 1e3))}k`.replace('-', MINUS);
   if (increment < 1e-4) return value.toExponential(1).replaceAll('-', MINUS);
   return value.toFixed(decimalsOf(increment)).replace('-', MINUS);
 }

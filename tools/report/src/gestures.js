@@ -53,30 +53,21 @@ export function listenToGestures(over, state) {
       // Some browsers send no click soon after a move.
       else if (!moved && end === 'pointerup') state.setTime(timeAt(place(event), state.view));
     });
-  over.addEventListener(
-    'click',
-    (event) => {
-      if (event.pointerType === 'touch' && moved) event.stopImmediatePropagation();
-    },
-    { capture: true },
-  );
+  const swallow = (event) => event.pointerType === 'touch' && moved && event.stopImmediatePropagation();
+  over.addEventListener('click', swallow, { capture: true });
 
-  over.addEventListener(
-    'wheel',
-    (event) => {
-      const { min, max } = state.view;
-      const width = max - min;
-      if (event.ctrlKey) {
-        event.preventDefault();
-        const held = timeAt(place(event), state.view);
-        const factor = Math.min(Math.max(Math.exp(event.deltaY * 0.01), 0.5), 2);
-        state.setView(held - (held - min) * factor, held + (max - held) * factor);
-      } else if (state.isZoomed && Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
-        event.preventDefault();
-        const shift = (event.deltaX / over.clientWidth) * width;
-        state.setView(min + shift, max + shift);
-      }
-    },
-    { passive: false },
-  );
+  function turn(event) {
+    const { min, max } = state.view;
+    if (event.ctrlKey) {
+      event.preventDefault();
+      const held = timeAt(place(event), state.view);
+      const factor = Math.min(Math.max(Math.exp(event.deltaY * 0.01), 0.5), 2);
+      state.setView(held - (held - min) * factor, held + (max - held) * factor);
+    } else if (state.isZoomed && Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
+      event.preventDefault();
+      const shift = (event.deltaX / over.clientWidth) * (max - min);
+      state.setView(min + shift, max + shift);
+    }
+  }
+  over.addEventListener('wheel', turn, { passive: false });
 }

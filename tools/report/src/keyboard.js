@@ -32,7 +32,7 @@ const FINGERS = [
 export function createHelp(dialog) {
   const keysOf = (text) => text.split(' ').map((part) => (part === '…' ? ' … ' : el('kbd', { text: part })));
   const list = (rows, show = (text) => [text]) =>
-    el('dl', {}, ...rows.flatMap(([key, text]) => [el('dt', {}, ...show(key)), el('dd', { text })]));
+    el('dl', ...rows.flatMap(([key, text]) => [el('dt', ...show(key)), el('dd', { text })]));
   dialog.append(
     el('h2', { text: 'Keys' }),
     list(HELP, keysOf),
@@ -42,9 +42,7 @@ export function createHelp(dialog) {
     list(FINGERS),
     el('form', { method: 'dialog' }, button({ class: 'chip', text: 'Close', onclick: () => dialog.close() })),
   );
-  dialog.addEventListener('click', (event) => {
-    if (event.target === dialog) dialog.close();
-  });
+  dialog.addEventListener('click', ({ target }) => target === dialog && dialog.close());
   return () => dialog.showModal();
 }
 

@@ -28,23 +28,22 @@ export class Panel {
     this.chart = chart;
     this.compact = compact;
     this.shared = !chart.domain; // its x axis is the time that all plots share
-    this.host = el('div', { class: 'plot', role: 'img' });
-    this.readout = el('div', { class: 'readout' });
-    this.note = el('span', { class: 'note' });
+    this.host = el('div.plot', { role: 'img' });
+    this.readout = el('div.readout');
+    this.note = el('span.note');
     this.name = el('h3');
-    this.scrubLine = el('div', { class: 'scrub-line', 'aria-hidden': 'true' });
+    this.scrubLine = el('div.scrub-line', { 'aria-hidden': 'true' });
     this.root = el(
       'figure',
       { class: `panel${compact ? ' compact' : ''}`, 'data-quantity': chart.id },
       el(
         'figcaption',
-        {},
         this.name,
         head,
-        chart.hint ? el('span', { class: 'hint', text: chart.hint }) : null,
+        chart.hint ? el('span.hint', { text: chart.hint }) : null,
         this.note,
-        el('span', { class: 'push' }),
-        el('span', { class: 'tools' }, this.#saveButton('png'), this.#saveButton('svg')),
+        el('span.push'),
+        el('span.tools', this.#saveButton('png'), this.#saveButton('svg')),
       ),
       this.readout,
       this.host,
@@ -299,15 +298,14 @@ export class Panel {
     this.readout.replaceChildren(
       ...this.#cases.map((c, i) =>
         el(
-          'span',
+          'span.value',
           {
-            class: 'value',
             title: `${c.name}: ${this.chart.valueTitle}`,
             onpointerenter: (event) => this.state.setFocus(event.pointerType === 'mouse' ? c.index : null),
             onpointerleave: () => this.state.setFocus(null),
           },
           swatch(c.index),
-          this.compact ? null : el('span', { class: 'value-name', text: c.name }),
+          this.compact ? null : el('span.value-name', { text: c.name }),
           this.cells[i],
         ),
       ),
@@ -420,12 +418,11 @@ export class PlotArea {
     const { state } = this;
     const group = (title, head, makeChart) =>
       el(
-        'section',
-        { class: 'group', 'aria-label': title },
-        el('div', { class: 'group-head' }, el('h2', { text: title }), head),
+        'section.group',
+        { 'aria-label': title },
+        el('div.group-head', el('h2', { text: title }), head),
         el(
-          'div',
-          { class: 'multiples' },
+          'div.multiples',
           ...state.run.joints.map((_, j) => this.#add(new Panel(state, makeChart(j), { compact: true }))),
         ),
       );
@@ -458,17 +455,16 @@ export class PlotArea {
   #legend() {
     const items = legend(this.state.run);
     return el(
-      'span',
-      { class: 'legend', title: 'The upper half of a lane: upper limits; the lower half: lower ones' },
+      'span.legend',
+      { title: 'The upper half of a lane: upper limits; the lower half: lower ones' },
       ...items.map(({ name, colour, code }) =>
         el(
-          'span',
-          { class: 'legend-item' },
+          'span.legend-item',
           el('span', { class: code ? 'key strip' : 'key', style: { '--key': `var(${colour})` } }),
           name,
         ),
       ),
-      items.length < 6 ? el('span', { class: 'hint', text: 'upper half: upper limit' }) : null,
+      items.length < 6 ? el('span.hint', { text: 'upper half: upper limit' }) : null,
     );
   }
 
@@ -490,20 +486,18 @@ export class PlotArea {
     if (quantity.limit || (quantity.isError && hasBound)) {
       const title = 'What the y axis shows: the limits, with what is near them, or all data and nothing else';
       const chip = button({ class: 'chip', title, onclick: () => state.toggle('kinds', state.fitted, quantity.id) });
-      this.heads.push(() => {
-        chip.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits';
-      });
+      this.heads.push(() => (chip.textContent = state.fitted.has(quantity.id) ? 'y: all data' : 'y: limits'));
       buttons.push(chip);
     }
-    return el('span', { class: 'chips' }, ...buttons, this.#limitLegend(quantity));
+    return el('span.chips', ...buttons, this.#limitLegend(quantity));
   }
 
   /** Which line is whose limit, where the real joint has others than the nominal arm. */
   #limitLegend({ realLimit }) {
     const has = ['lower', 'upper'].some((side) => anyHas(this.state.run, `${realLimit}_${side}`));
     if (!has) return null;
-    const item = (kind, name) => el('span', { class: 'legend-item hint' }, lineSample(LIMIT_STYLES[kind]), name);
-    return el('span', { class: 'legend' }, item('limit', 'limit of nominal'), item('real', 'limit of real joint'));
+    const item = (kind, name) => el('span.legend-item.hint', lineSample(LIMIT_STYLES[kind]), name);
+    return el('span.legend', item('limit', 'limit of nominal'), item('real', 'limit of real joint'));
   }
 
   #updateHeads() {

@@ -46,14 +46,11 @@ const PARTS = [
 /** Builds the 3D replay, or says why there is none. The rest of the page does not depend on it. */
 export function createReplay(host, run, state) {
   const choice = caseChoice(run, state);
-  const tools = el('span', { class: 'tools' });
-  const stage = el('div', { class: 'stage' });
-  host.append(
-    el('div', { class: 'replay-head' }, el('h3', { text: 'Replay' }), choice, el('span', { class: 'push' }), tools),
-    stage,
-  );
+  const tools = el('span.tools');
+  const stage = el('div.stage');
+  host.append(el('div.replay-head', el('h3', { text: 'Replay' }), choice, el('span.push'), tools), stage);
   const hasReal = run.cases.some((c) => c.replay?.real);
-  const tell = (text) => stage.replaceChildren(el('p', { class: 'no-replay', role: 'status', text }));
+  const tell = (text) => stage.replaceChildren(el('p.no-replay', { role: 'status', text }));
   const reason = whyNot(run);
   if (reason) {
     tell(reason);
@@ -69,17 +66,16 @@ export function createReplay(host, run, state) {
     if (hasReal) texts.unshift('filled: nominal arm', 'coloured edge: real arm');
     host.append(
       el(
-        'div',
-        { class: 'replay-foot' },
-        el('p', { class: 'hint', text: texts.join(' · ') }),
+        'div.replay-foot',
+        el('p.hint', { text: texts.join(' · ') }),
         linkColour(state, replay),
         hasReal ? exaggeration(state) : null,
       ),
     );
     const parts = PARTS.filter(({ exists }) => exists(run));
-    if (parts.length > 0) host.append(el('div', { class: 'chips' }, ...parts.map((part) => partButton(part, state, replay))));
+    if (parts.length > 0) host.append(el('div.chips', ...parts.map((part) => partButton(part, state, replay))));
     const notes = new Set([run.scene, ...run.environments].map((one) => one?.note).filter(Boolean));
-    host.append(...[...notes].map((text) => el('p', { class: 'hint', role: 'note', text })));
+    host.append(...[...notes].map((text) => el('p.hint', { role: 'note', text })));
     return replay;
   } catch (error) {
     tell(`The 3D replay does not work here: ${error.message}`);
@@ -106,7 +102,7 @@ const speedColours = () => [colours.arm, ...colours.speeds];
 
 /** What the colours of the links tell. */
 function linkColour(state, replay) {
-  const scale = el('span', { class: 'speed-scale', hidden: true });
+  const scale = el('span.speed-scale', { hidden: true });
   const meanings = [['limits', 'a limit acts'], ['speed', 'speed']];
   const select = choice({ 'aria-label': 'Colour of the links' }, meanings, state.linkColour, (value) => state.set('replay', { linkColour: value }));
   const show = () => {
@@ -117,7 +113,7 @@ function linkColour(state, replay) {
   };
   state.on('replay cases theme', show);
   replay.onFaster = show;
-  return el('label', { class: 'hint' }, 'coloured link ', select, scale);
+  return el('label.hint', 'coloured link ', select, scale);
 }
 
 /** How far the real arm is drawn from the nominal one: a thousandth of a radian is not seen. */
@@ -126,7 +122,7 @@ function exaggeration(state) {
   const factors = EXAGGERATIONS.map((factor) => [factor, `${factor} ×`]);
   const choose = (value) => state.set('replay', { exaggeration: Number(value) });
   const select = choice({ 'aria-label': 'Deviation of the real arm', title }, factors, state.exaggeration, choose);
-  return el('label', { class: 'hint' }, 'deviation ', select);
+  return el('label.hint', 'deviation ', select);
 }
 
 function whyNot(run) {
@@ -163,7 +159,7 @@ class Replay extends Picture {
     this.surfaces = readSurfaces(run);
     this.pose = new Float32Array(run.joints.length);
     this.realPose = new Float32Array(run.joints.length);
-    this.text = el('div', { class: 'nearest-text' });
+    this.text = el('div.nearest-text');
 
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const canvas = this.renderer.domElement;

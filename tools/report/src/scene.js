@@ -60,29 +60,19 @@ function rod(from, to, radius) {
 
 /** The geometry of a shape in the data, and where it is. */
 export function readShape(run, shape, where) {
-  const { position, orientation } = readPose(shape.pose);
-  switch (shape.type) {
-    case 'capsule':
-      return rod(new Vector3(...shape.from), new Vector3(...shape.to), shape.radius);
-    case 'box':
-      return { geometry: new BoxGeometry(...shape.size), position, orientation };
-    case 'cylinder': {
-      const geometry = new CylinderGeometry(shape.radius, shape.radius, shape.length, 32); // along y
-      return { geometry: geometry.rotateX(Math.PI / 2), position, orientation };
-    }
-    case 'sphere':
-      return { geometry: new SphereGeometry(shape.radius, 32, 20), position, orientation };
-    case 'mesh': {
-      const geometry = new BufferGeometry();
-      geometry.setAttribute('position', new BufferAttribute(Float32Array.from(run.array(shape.positions, `${where}.positions`)), 3));
-      if (shape.indices)
-        geometry.setIndex(new BufferAttribute(Uint32Array.from(run.array(shape.indices, `${where}.indices`)), 1));
-      geometry.computeVertexNormals();
-      return { geometry, position, orientation };
-    }
-    default:
-      throw new DataError(`${where}: unknown shape ${shape.type}.`);
-  }
+  const { type, radius } = shape;
+  const here = (geometry) => ({ geometry, ...readPose(shape.pose) });
+  if (type === 'capsule') return rod(new Vector3(...shape.from), new Vector3(...shape.to), radius);
+  if (type === 'box') return here(new BoxGeometry(...shape.size));
+  if (type === 'sphere') return here(new SphereGeometry(radius, 32, 20));
+  if (type === 'cylinder') return here(new CylinderGeometry(radius, radius, shape.length, 32).rotateX(Math.PI / 2)); // was along y
+  if (type !== 'mesh') throw new DataError(`${where}: unknown shape ${type}.`);
+  const geometry = new BufferGeometry();
+  const read = (key) => run.array(shape[key], `${where}.${key}`);
+  geometry.setAttribute('position', new BufferAttribute(Float32Array.from(read('positions')), 3));
+  if (shape.indices) geometry.setIndex(new BufferAttribute(Uint32Array.from(read('indices')), 1));
+  geometry.computeVertexNormals();
+  return here(geometry);
 }
 
 export function readPose(pose) {
@@ -148,9 +138,7 @@ export class Arm {
         own: link.color,
       };
     });
-    links.forEach(({ parent }, i) => {
-      (this.#links[parent]?.frame ?? this.root).add(this.#links[i].origin);
-    });
+    links.forEach(({ parent }, i) => (this.#links[parent]?.frame ?? this.root).add(this.#links[i].origin));
   }
 
   /** Where arms coincide, the one of the lowest layer is seen. */

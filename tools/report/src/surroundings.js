@@ -23,23 +23,14 @@ export class Surroundings {
   }
 
   #make(run, obstacle, ball, where) {
-    switch (obstacle.type) {
-      case 'half_space':
-        return this.#makeHalfSpace(obstacle, ball);
-      case 'moving_sphere':
-        return this.#makeMovingSphere(obstacle);
-      case 'person':
-        return this.#makePerson(run, obstacle, where);
-      case 'map':
-        return obstacle.centres ? this.#makeMap(run, obstacle, where) : new Group();
-      default: {
-        const shape = readShape(run, obstacle, where);
-        const { geometry } = shape;
-        const group = placed(new Group(), shape);
-        group.add(this.#fill(geometry, 0.42), this.#line(new LineSegments(new EdgesGeometry(geometry, 30)), 0.75));
-        return group;
-      }
-    }
+    const { type } = obstacle;
+    if (type === 'half_space') return this.#makeHalfSpace(obstacle, ball);
+    if (type === 'moving_sphere') return this.#makeMovingSphere(obstacle);
+    if (type === 'person') return this.#makePerson(run, obstacle, where);
+    if (type === 'map') return obstacle.centres ? this.#makeMap(run, obstacle, where) : new Group();
+    const shape = readShape(run, obstacle, where);
+    const edges = new LineSegments(new EdgesGeometry(shape.geometry, 30));
+    return placed(new Group(), shape).add(this.#fill(shape.geometry, 0.42), this.#line(edges, 0.75));
   }
 
   /** A square of its face, as long as what is looked at and centred on it. */
@@ -176,7 +167,7 @@ class Mark {
   at = new Vector3(); // of the label
 
   constructor(stage, geometries) {
-    this.label = el('span', { class: 'nearest-label', hidden: true });
+    this.label = el('span.nearest-label', { hidden: true });
     stage.append(this.label);
     this.material = new MeshBasicMaterial({ transparent: true, depthTest: false });
     this.parts = geometries.map((geometry) => new Mesh(geometry, this.material));

@@ -27,18 +27,17 @@ function verdict(c) {
   const guarantee = c.guarantees ? 'guarantees its limits' : 'guarantees nothing';
   const [worst, ...others] = pretty(c.sentence || c.verdict).split('; ');
   const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');
-  const rest = others.length > 0 ? el('span', { class: 'verdict-rest', text: ['', ...others].join('; ') }) : null;
+  const rest = others.length > 0 ? el('span.verdict-rest', { text: ['', ...others].join('; ') }) : null;
   return verdictItem(
     kind,
     c,
     el('span', { title: `The filter ${guarantee}.` }, worst, rest),
     el(
       'details',
-      {},
-      el('summary', { class: 'verdict-parts', text: parts, title: `filter · robust loop · plant: ${parts}` }),
-      c.sentence ? el('p', { class: 'verdict-full', text: pretty(c.verdict) }) : null,
-      c.contact ? el('div', { class: 'verdict-contact', text: contactText(c.contact) }) : null,
-      c.stop ? el('div', { class: 'verdict-stop', text: stopText(c.stop) }) : null,
+      el('summary.verdict-parts', { text: parts, title: `filter · robust loop · plant: ${parts}` }),
+      c.sentence ? el('p.verdict-full', { text: pretty(c.verdict) }) : null,
+      c.contact ? el('div.verdict-contact', { text: contactText(c.contact) }) : null,
+      c.stop ? el('div.verdict-stop', { text: stopText(c.stop) }) : null,
     ),
   );
 }
@@ -60,15 +59,15 @@ export function fillSummary(host, run) {
     return el('th', { scope: 'col', class: isNumber[i] ? 'number' : null, text: name, title: MEANINGS[name] ?? null });
   });
   const body = rows.map((row) =>
-    el('tr', {}, ...told.map((i) => cell(run, columns[i], row[i] ?? '', i, isNumber[i]))),
+    el('tr', ...told.map((i) => cell(run, columns[i], row[i] ?? '', i, isNumber[i]))),
   );
   host.append(
     el(
-      'div',
-      { class: 'scroll card', tabindex: 0, role: 'region', 'aria-label': 'Summary table' },
+      'div.scroll.card',
+      { tabindex: 0, role: 'region', 'aria-label': 'Summary table' },
       table({ class: 'summary' }, heads, body),
     ),
-    note ? el('p', { class: 'hint', text: note }) : null,
+    note ? el('p.hint', { text: note }) : null,
   );
 }
 
@@ -124,11 +123,11 @@ function cell(run, name, text, column, isNumber) {
 /** The long texts: what was run, and each case in detail. */
 export function fillDetails(host, run) {
   const fold = (title, text, before = null) =>
-    el('details', { class: 'card' }, el('summary', {}, before, title), el('pre', { tabindex: 0, text }));
+    el('details.card', el('summary', before, title), el('pre', { tabindex: 0, text }));
   host.append(
     ...run.cases.filter((c) => c.details).map((c) => fold(c.name, c.details, swatch(c.index))),
     run.yaml ? fold('Resolved experiment file', run.yaml) : '',
-    el('p', { class: 'hint', text: sampling(run) }),
+    el('p.hint', { text: sampling(run) }),
   );
 }
 
@@ -168,13 +167,13 @@ export class JointTable {
   }
 
   #row(joint, j) {
-    const mark = el('span', { class: 'gauge-mark' });
-    const [q, error] = [el('td', { class: 'number' }), el('td', { class: 'number' })];
-    const acting = el('td', { class: 'acting' });
+    const mark = el('span.gauge-mark');
+    const [q, error] = [el('td.number'), el('td.number')];
+    const acting = el('td.acting');
     const title = `Show the plots of ${joint.name}`;
     const name = button({ class: 'joint-name', text: joint.name, title, onclick: () => this.state.setJoint(j) });
-    const gauge = el('td', {}, el('span', { class: 'gauge' }, mark));
-    const root = el('tr', {}, el('th', { scope: 'row' }, name), q, gauge, error, acting);
+    const gauge = el('td', el('span.gauge', mark));
+    const root = el('tr', el('th', { scope: 'row' }, name), q, gauge, error, acting);
     return { root, mark, q, error, acting };
   }
 

@@ -19,7 +19,7 @@ const WORST_FIRST = ['broken', 'cannot_tell', 'held', 'no_limit'];
 const verdictOf = ({ verdict }) => VERDICTS[verdict] ?? VERDICTS.cannot_tell;
 function judgement(judged) {
   const { word, mark, tone } = verdictOf(judged);
-  return el('span', { class: `judgement ${tone}` }, el('span', { class: 'mark', 'aria-hidden': 'true', text: mark }), word);
+  return el('span', { class: `judgement ${tone}` }, el('span.mark', { 'aria-hidden': 'true', text: mark }), word);
 }
 
 const TABLE = 'Verdict per joint and limit';
@@ -217,11 +217,7 @@ class VerificationChart {
       return `${before}${ends.every(isNumber) ? span(ends, this.#extent) : '–'}`;
     };
     const isInside = bucket >= 0 && bucket < y.length / 2;
-    const kinds = [
-      ['mean', ''],
-      ['band', 'band '],
-      ['raw', 'readings '],
-    ].filter(([kind]) => this.isShown(kind));
+    const kinds = [['mean', ''], ['band', 'band '], ['raw', 'readings ']].filter(([kind]) => this.isShown(kind));
     return [{ c: this.c, values: isInside ? kinds.map(([kind, before]) => text(kind, before)) : ['–'] }];
   }
 
@@ -252,7 +248,7 @@ export class Verification {
     this.cases = state.run.cases.filter((c) => c.verification);
     const notes = state.run.cases
       .filter((c) => c.verificationNote)
-      .map((c) => el('p', { class: 'hint', role: 'note', text: c.verificationNote }));
+      .map((c) => el('p.hint', { role: 'note', text: c.verificationNote }));
     host.hidden = this.cases.length + notes.length === 0;
     if (this.cases.length === 0) {
       host.replaceChildren(...notes);
@@ -260,11 +256,11 @@ export class Verification {
     }
     this.#chart = new VerificationChart(state);
     this.title = el('h2');
-    this.intro = el('p', { class: 'hint' });
-    this.table = el('div', { class: 'scroll card', tabindex: 0, role: 'region', 'aria-label': TABLE });
+    this.intro = el('p.hint');
+    this.table = el('div.scroll.card', { tabindex: 0, role: 'region', 'aria-label': TABLE });
     this.plot = el('div');
-    this.facts = el('p', { class: 'hint facts' });
-    const head = el('div', { class: 'group-head' }, this.title, this.#choice());
+    this.facts = el('p.hint.facts');
+    const head = el('div.group-head', this.title, this.#choice());
     host.replaceChildren(head, this.intro, ...notes, this.table, this.plot);
     this.#listen();
     this.#setCase(this.cases[0]);
@@ -283,10 +279,10 @@ export class Verification {
   #choice() {
     this.choices = this.cases.map((c) => {
       const content = [swatch(c.index), `${c.name} `, judgement(c.verification)];
-      if (this.cases.length === 1) return el('span', { class: 'legend-item', style: caseStyle(c.index) }, ...content);
+      if (this.cases.length === 1) return el('span.legend-item', { style: caseStyle(c.index) }, ...content);
       return button({ class: 'chip', onclick: () => this.#setCase(c) }, ...content);
     });
-    return el('span', { class: 'chips', role: 'group', 'aria-label': 'Verified case' }, ...this.choices);
+    return el('span.chips', { role: 'group', 'aria-label': 'Verified case' }, ...this.choices);
   }
 
   #setCase(c) {
@@ -326,14 +322,13 @@ export class Verification {
     const rows = joints.map((joint, j) => {
       const name = this.state.run.joints[j].name;
       const unit = pretty(joint.unit);
-      const value = (text) => el('td', { class: 'number', text });
+      const value = (text) => el('td.number', { text });
       const resolved = isNumber(joint.window_s) ? duration(1e6 * joint.window_s) : '–';
       return el(
         'tr',
-        {},
         el('th', { scope: 'row', title: name, text: name }),
         ...(joint.trouble
-          ? [el('td', { class: 'judgement warn trouble', colspan: JUDGED.length, text: `? cannot tell: ${joint.trouble}` })]
+          ? [el('td.judgement.warn.trouble', { colspan: JUDGED.length, text: `? cannot tell: ${joint.trouble}` })]
           : JUDGED.map((quantity, i) => this.#cell(j, i, name, quantity, joint))),
         value(amount(joint.noise ?? NaN, unit)),
         value(amount(joint.quantum ?? NaN, unit)),
@@ -362,14 +357,14 @@ export class Verification {
   #cell(j, column, name, quantity, { limits, curves }) {
     const limit = limits[quantity];
     const below = remark(limit, quantity);
-    const content = [judgement(limit), below ? el('span', { class: 'remark', text: below }) : null];
+    const content = [judgement(limit), below ? el('span.remark', { text: below }) : null];
     const title = explain(limit, quantity);
     if (!curves) return el('td', { title: title || null }, ...content);
     const label = `${name}, ${quantity}: ${verdictOf(limit).word}${title ? `; ${title}` : ''}`;
     const onclick = () => this.#select(j, quantity);
     const cell = button({ class: 'verdict-cell', tabindex: -1, title: title || null, 'aria-label': label, onclick }, ...content);
     this.#cells.push({ button: cell, j, quantity, column });
-    return el('td', {}, cell);
+    return el('td', cell);
   }
 
   /** Arrows go from cell to cell, and what they come to is shown. */
@@ -417,10 +412,10 @@ export class Verification {
     };
     this.chips = [
       chip('mean', lineSample(MEAN)),
-      chip('band', el('span', { class: 'band-sample', 'aria-hidden': 'true' })),
+      chip('band', el('span.band-sample', { 'aria-hidden': 'true' })),
       chip('raw', lineSample(RAW)),
     ];
-    return el('span', { class: 'chips' }, ...this.chips.map(({ chip }) => chip));
+    return el('span.chips', ...this.chips.map(({ chip }) => chip));
   }
 
   #updateHead() {

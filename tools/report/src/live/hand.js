@@ -199,10 +199,7 @@ export class Hand extends Emitter {
     const isHeld = Boolean(pad?.buttons[SWITCH_BUTTON]?.pressed) && this.#joints.length === 0;
     const wasUp = this.#isPadUp;
     this.#isPadUp = Boolean(pad) && !isHeld;
-    if (!isHeld) {
-      this.release('gamepad');
-      return;
-    }
+    if (!isHeld) return this.release('gamepad');
     if (this.#by !== 'gamepad' && !(wasUp && this.press('gamepad'))) return;
     const [x, y, turn, up] = pad.axes.map((value) => (Math.abs(value) < DEAD_ZONE ? 0 : value));
     const velocity = new Vector3(-y, -x, -up).multiplyScalar(KEY_MPS);

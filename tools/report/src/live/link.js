@@ -70,11 +70,8 @@ export class Link extends Emitter {
   }
 
   open() {
-    if (!this.#secret) {
-      this.reason = 'Open the address that the program prints, with all that stands behind the # sign.';
-      this.emit('close');
-      return;
-    }
+    const reason = 'Open the address that the program prints, with all that stands behind the # sign.';
+    if (!this.#secret) return this.set('close', { reason });
     const socket = new WebSocket(`wss://${location.host}/live`, [PROTOCOL, this.#secret]);
     socket.binaryType = 'arraybuffer';
     socket.onmessage = ({ data }) => (typeof data === 'string' ? this.#hear(JSON.parse(data)) : this.#see(data));

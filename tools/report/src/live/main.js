@@ -69,7 +69,7 @@ function createView(stage, run, hand) {
   const name = context?.getParameter(context.getExtension('WEBGL_debug_renderer_info')?.UNMASKED_RENDERER_WEBGL ?? context.RENDERER);
   context?.getExtension('WEBGL_lose_context')?.loseContext();
   if (!reason) return new View(stage, run, hand, /swiftshader|llvmpipe|software/i.test(String(name)));
-  stage.append(el('p', { class: 'no-replay', role: 'status', text: reason }));
+  stage.append(el('p.no-replay', { role: 'status', text: reason }));
   return null;
 }
 
@@ -77,7 +77,7 @@ async function begin() {
   const run = await readRun(link.live);
   if (run.title) document.title = `${run.title} – viable live`;
   const hand = new Hand(link, run.moves === 'joints' ? run.joints.length : 0);
-  const stage = el('div', { class: 'stage' });
+  const stage = el('div.stage');
   const view = createView(stage, run, hand);
   const bar = new Bar(part('bar'), link, run, page);
   tellHeight(part('bar'));
@@ -139,15 +139,9 @@ async function begin() {
 function start() {
   initTheme(() => page.emit('theme'));
   link.on('live', () => begin().catch(explain));
-  link.on('open', () => {
-    end = '';
-  });
-  link.on('event', () => {
-    hadFault ||= link.event.asker === 'fault';
-  });
-  link.on('close', () => {
-    part('loading').hidden = true;
-  });
+  link.on('open', () => (end = ''));
+  link.on('event', () => (hadFault ||= link.event.asker === 'fault'));
+  link.on('close', () => (part('loading').hidden = true));
   link.on('open close silence', tellTrouble);
   link.open();
 }

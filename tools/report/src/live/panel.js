@@ -43,9 +43,9 @@ export class Bar {
 
   constructor(host, link, run, page) {
     this.link = link;
-    this.pill = el('span', { class: 'pill', role: 'status' });
-    this.asker = el('span', { class: 'hint asker' });
-    this.people = el('span', { class: 'hint people' });
+    this.pill = el('span.pill', { role: 'status' });
+    this.asker = el('span.hint.asker');
+    this.people = el('span.hint.people');
     const act = (text, title, word, properties = {}) => button({ text, title, onclick: () => link.say(word), ...properties });
     this.take = act('Take control', 'Only one page moves the arm', 'take', {
       onclick: () => link.say(link.isOperator ? 'leave' : link.people.operator === null ? 'take' : 'take over'),
@@ -57,40 +57,34 @@ export class Bar {
       class: 'record',
       onclick: () => link.say(this.#recorded > 0 ? 'end record' : 'record'),
     });
-    this.recorded = el('span', { class: 'hint recorded', role: 'status' });
+    this.recorded = el('span.hint.recorded', { role: 'status' });
     this.invite = act('Invite', 'An address for one more browser', 'invite');
     host.append(
       el(
-        'div',
-        { class: 'title' },
+        'div.title',
         el('h1', { text: run.title || 'A live arm' }),
-        el('p', { class: 'origin', text: [run.robot, run.case].filter(Boolean).join(' · ') }),
+        el('p.origin', { text: [run.robot, run.case].filter(Boolean).join(' · ') }),
       ),
       this.people,
       this.asker,
       this.recorded,
-      el('span', { class: 'push' }),
-      el('span', { class: 'buttons acts' }, run.moves ? this.take : null, this.start, this.pause, this.stop, this.record, this.pill),
-      el('span', { class: 'buttons' }, this.invite, themeButton(page)),
+      el('span.push'),
+      el('span.buttons.acts', run.moves ? this.take : null, this.start, this.pause, this.stop, this.record, this.pill),
+      el('span.buttons', this.invite, themeButton(page)),
     );
     link.on('people open close silence event', () => this.#update());
     link.on('invitation', () => link.say('watch'));
     link.on('watch', () => this.#showInvitation());
     this.run = run;
-    addEventListener('keydown', ({ key }) => {
-      if (key === 'Escape') this.#invitation?.close(); // by itself only a dialog that locks the page does
-    });
+    // By itself only a dialog that locks the page closes.
+    addEventListener('keydown', ({ key }) => key === 'Escape' && this.#invitation?.close());
     // Space brakes, whatever has the focus: nothing is written on this page, and a button in focus is not pressed.
-    for (const kind of ['keydown', 'keyup'])
-      addEventListener(
-        kind,
-        (event) => {
-          if (event.key !== ' ') return;
-          event.preventDefault();
-          if (kind === 'keydown' && !event.repeat) link.say('pause');
-        },
-        { capture: true },
-      );
+    const brake = (event) => {
+      if (event.key !== ' ') return;
+      event.preventDefault();
+      if (event.type === 'keydown' && !event.repeat) link.say('pause');
+    };
+    for (const kind of ['keydown', 'keyup']) addEventListener(kind, brake, { capture: true });
     this.#update();
   }
 
@@ -140,12 +134,12 @@ export class Bar {
     this.#invitation?.remove();
     const field = el('input', { readonly: true, value: this.link.invitation, 'aria-label': 'Address' });
     const dialog = el(
-      'dialog',
-      { class: 'invitation', 'aria-label': 'An address for one more browser' },
+      'dialog.invitation',
+      { 'aria-label': 'An address for one more browser' },
       el('h2', { text: 'For one more browser' }),
-      el('p', { class: 'hint', text: 'This address lets one browser in, once. Whoever is in may take control.' }),
+      el('p.hint', { text: 'This address lets one browser in, once. Whoever is in may take control.' }),
       field,
-      el('p', { class: 'hint', text: 'Foxglove and Lichtblick see the arm here, as “Foxglove WebSocket”, and cannot move it:' }),
+      el('p.hint', { text: 'Foxglove and Lichtblick see the arm here, as “Foxglove WebSocket”, and cannot move it:' }),
       el('input', { readonly: true, value: this.link.watch, 'aria-label': 'Address for programs' }),
       el('form', { method: 'dialog' }, el('button', { text: 'Close' })),
     );
@@ -163,12 +157,12 @@ export class HandPanel {
     this.run = run;
     this.hand = hand;
     this.link = link;
-    this.note = el('p', { class: 'hand-note', role: 'status' });
-    host.append(el('div', { class: 'card-head' }, el('h2', { text: run.moves === 'joints' ? 'Move the joints' : 'Move the tool' })));
+    this.note = el('p.hand-note', { role: 'status' });
+    host.append(el('div.card-head', el('h2', { text: run.moves === 'joints' ? 'Move the joints' : 'Move the tool' })));
     if (run.moves === 'tool') host.append(this.#toolControls(view));
     if (run.moves === 'tool' && pad) host.append(pad);
     if (run.moves === 'joints') host.append(this.#sliders());
-    if (!run.moves) host.append(el('p', { class: 'hint', text: 'This case has a command of its own; this page shows what it does.' }));
+    if (!run.moves) host.append(el('p.hint', { text: 'This case has a command of its own; this page shows what it does.' }));
     stage.append(this.note); // where the operator looks
     this.last = 0;
   }
@@ -211,17 +205,14 @@ export class HandPanel {
       if (!part.matches(':focus-visible')) part.blur();
     });
     return el(
-      'div',
-      { class: 'controls' },
-      el('div', { class: 'row' }, el('span', { class: 'buttons segmented' }, ...modes), part),
-      el('label', { class: 'row' }, el('span', { class: 'hint', text: 'Scale' }), scale, output),
+      'div.controls',
+      el('div.row', el('span.buttons.segmented', ...modes), part),
+      el('label.row', el('span.hint', { text: 'Scale' }), scale, output),
       el(
-        'p',
-        { class: 'hint keys' },
+        'p.hint.keys',
         'Drag the arrows at the tool; it moves while you hold. ',
         el(
-          'span',
-          { class: 'desk' },
+          'span.desk',
           'Keys: ',
           ...['←', '→', '↑', '↓', 'PgUp', 'PgDn'].map((text) => el('kbd', { text })),
           ' shift, with ',
@@ -257,14 +248,12 @@ export class HandPanel {
       return slider;
     });
     return el(
-      'div',
-      { class: 'controls' },
-      ...this.sliders.map((slider, i) => el('label', { class: 'row' }, el('span', { class: 'hint', text: run.joints[i].name }), slider)),
+      'div.controls',
+      ...this.sliders.map((slider, i) => el('label.row', el('span.hint', { text: run.joints[i].name }), slider)),
       el(
-        'p',
-        { class: 'hint' },
+        'p.hint',
         'A joint moves to where its slider is, while that is held. ',
-        el('span', { class: 'desk' }, el('kbd', { text: 'space' }), ' holds the arm.'),
+        el('span.desk', el('kbd', { text: 'space' }), ' holds the arm.'),
       ),
     );
   }
@@ -310,7 +299,7 @@ export class HandPanel {
     this.#q = [...frame('q')];
     if (this.sliders && !this.hand.isPressed) this.#placeSliders(frame);
     for (const slider of this.sliders ?? []) slider.disabled = !(state === 'running' && this.link.isOperator && !this.link.isSilent);
-    const [hand, refusal] = [frame('hand')[0], frame('refusal')[0]];
+    const [[hand], [refusal]] = [frame('hand'), frame('refusal')];
     const isRunning = state === 'running';
     this.#keepActing(frame, isRunning && hand === 1);
     if (this.link.isSilent || performance.now() - this.last < PERIOD_MS) return;
@@ -344,25 +333,24 @@ export class JointPanel {
     this.run = run;
     this.last = 0;
     this.rows = run.joints.map(({ name }, i) => {
-      const mark = el('span', { class: 'gauge-mark' });
-      const rest = el('span', { class: 'gauge-mark rest' });
-      const value = el('td', { class: 'number' });
-      const speed = el('span', { class: 'gauge-mark' });
-      const acting = el('td', { class: 'acting' });
+      const mark = el('span.gauge-mark');
+      const rest = el('span.gauge-mark.rest');
+      const value = el('td.number');
+      const speed = el('span.gauge-mark');
+      const acting = el('td.acting');
       const row = el(
         'tr',
-        {},
         el('th', { scope: 'row' }, swatch(i), name),
         value,
-        el('td', {}, el('span', { class: 'gauge' }, rest, mark)),
-        el('td', {}, el('span', { class: 'gauge' }, speed)),
+        el('td', el('span.gauge', rest, mark)),
+        el('td', el('span.gauge', speed)),
         acting,
       );
       return { row, mark, rest, value, speed, acting };
     });
     const heads = ['', run.joints.some(({ linear }) => linear) ? 'q [rad, m]' : 'q [rad]', 'position', 'velocity', 'limit that acts'];
     host.append(
-      el('div', { class: 'card-head' }, el('h2', { text: 'Joints' })),
+      el('div.card-head', el('h2', { text: 'Joints' })),
       table({ class: 'joints' }, heads.map((text) => el('th', { scope: 'col', text })), this.rows.map(({ row }) => row)),
     );
   }
@@ -402,20 +390,14 @@ export class TimePanel {
     this.last = 0;
     this.run = run;
     this.cells = new Map();
-    const rows = [
-      ['time', 'Time'],
-      ['tick', 'Tick computed in'],
-      ['worst', 'Slowest tick'],
-      ['missed', 'Missed ticks'],
-    ];
+    const rows = [['time', 'Time'], ['tick', 'Tick computed in'], ['worst', 'Slowest tick'], ['missed', 'Missed ticks']];
     if (run.moves === 'tool') rows.unshift(['error', 'Tool from target']);
     if (run.environment) rows.unshift(['clearance', 'Nearest']);
     if (run.hasContact) rows.unshift(['contact', 'Contact']);
     host.append(
-      el('div', { class: 'card-head' }, el('h2', { text: 'Now' })),
+      el('div.card-head', el('h2', { text: 'Now' })),
       el(
-        'dl',
-        { class: 'facts' },
+        'dl.facts',
         ...rows.flatMap(([key, text]) => {
           this.cells.set(key, el('dd'));
           return [el('dt', { text }), this.cells.get(key)];
@@ -457,19 +439,16 @@ export function viewHead(view, run, headset) {
     ...(run.hasContact ? [['contact', 'force', 'What presses on the real arm']] : []),
   ];
   return el(
-    'div',
-    { class: 'card-head' },
+    'div.card-head',
     el('h2', { text: 'Arm' }),
     el(
-      'span',
-      { class: 'chips' },
+      'span.chips',
       ...parts.map(([part, text, title]) => {
-        const onclick = () => setPressed(chip, view.togglePart(part));
-        const chip = button({ class: 'chip', text, title, 'aria-pressed': 'true', onclick });
-        return chip;
+        const onclick = ({ currentTarget }) => setPressed(currentTarget, view.togglePart(part));
+        return button({ class: 'chip', text, title, 'aria-pressed': 'true', onclick });
       }),
     ),
-    el('span', { class: 'push' }),
+    el('span.push'),
     headset.controls(),
     iconButton('home', 'The first view', () => view.resetCamera()),
   );

@@ -20,7 +20,7 @@ export function phonePad(view, hand) {
   let orientation = null; // now
   let toBase = new Quaternion(); // since the pad is held
   let timer = 0;
-  const note = el('p', { class: 'hint', role: 'status', text: 'The tool turns as the phone does, seen in the picture above.' });
+  const note = el('p.hint', { role: 'status', text: 'The tool turns as the phone does, seen in the picture above.' });
   const enable = button({ text: 'Turn it with this phone', onclick: () => begin() });
   const pad = button({ class: 'pad', text: 'Hold, and turn the phone', hidden: true });
 
@@ -31,9 +31,7 @@ export function phonePad(view, hand) {
       note.textContent = 'This browser does not tell how the phone is turned: allow it in its settings, and load the page again.';
       return;
     }
-    addEventListener('deviceorientation', (event) => {
-      orientation = orientationOf(event);
-    });
+    addEventListener('deviceorientation', (event) => (orientation = orientationOf(event)));
     enable.hidden = true;
     pad.hidden = false;
   }
@@ -62,5 +60,5 @@ export function phonePad(view, hand) {
     clearInterval(timer);
     timer = 0;
   });
-  return el('div', { class: 'controls phone' }, enable, pad, note);
+  return el('div.controls.phone', enable, pad, note);
 }

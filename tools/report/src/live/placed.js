@@ -29,9 +29,7 @@ export class Placed {
     this.control.setSize(0.7);
     view.scene.add(this.control.getHelper());
     this.control.addEventListener('change', () => view.ask());
-    this.control.addEventListener('dragging-changed', ({ value }) => {
-      view.orbit.enabled = !value;
-    });
+    this.control.addEventListener('dragging-changed', ({ value }) => (view.orbit.enabled = !value));
     this.control.addEventListener('objectChange', () => this.#drag());
     this.control.addEventListener('axis-changed', ({ value }) => view.yieldDrag(value !== null));
     for (const event of ['pointercancel', 'lostpointercapture'])
@@ -44,18 +42,18 @@ export class Placed {
       button({ text: 'Add a ball', title, onclick: () => this.add({ ball: BALL_M }) }),
       button({ text: 'Add a box', title, onclick: () => this.add({ box: BOX_M }) }),
     ];
-    this.list = el('ul', { class: 'placed' });
+    this.list = el('ul.placed');
     this.size = el('input', {
       type: 'range', min: SIZES_M[0], max: SIZES_M[1], step: 0.01, 'aria-label': 'Size',
       oninput: () => this.#resize(Number(this.size.value)),
     });
     freeKeys(this.size);
     host.append(
-      el('div', { class: 'card-head' }, el('h2', { text: 'Obstacles by hand' })),
-      el('div', { class: 'buttons' }, ...this.buttons),
+      el('div.card-head', el('h2', { text: 'Obstacles by hand' })),
+      el('div.buttons', ...this.buttons),
       this.list,
-      el('label', { class: 'placed-size' }, 'Size ', this.size),
-      el('p', { class: 'hint', text: 'The arm keeps clear of them as of all others, as far as it can still avoid it.' }),
+      el('label.placed-size', 'Size ', this.size),
+      el('p.hint', { text: 'The arm keeps clear of them as of all others, as far as it can still avoid it.' }),
     );
     host.hidden = false;
     link.on('placed', () => this.#take(link.placed));
@@ -168,7 +166,6 @@ export class Placed {
       ...[...this.#ones.values()].sort((a, b) => a.place - b.place).map(({ place, ball, box }) =>
         el(
           'li',
-          {},
           button({
             'aria-pressed': String(place === this.#chosen), disabled: !may,
             text: `placed ${place}: ${ball ? `ball, ${fixed(200 * ball, 0)} cm` : `box, ${fixed(100 * box[0], 0)} cm`}`,

@@ -36,21 +36,19 @@ export class Strips {
       this.ask();
     });
     this.canvases = QUANTITIES.map(([title]) =>
-      el('canvas', { class: 'strip', role: 'img', 'aria-label': `${title} of the joints, share of the limits, last 20 s` }),
+      el('canvas.strip', { role: 'img', 'aria-label': `${title} of the joints, share of the limits, last 20 s` }),
     );
     host.append(
       el(
-        'div',
-        { class: 'card-head' },
+        'div.card-head',
         el('h2', { text: `Last ${SPAN_S} s` }),
-        el('span', { class: 'hint', text: 'each joint between its limits' }),
-        el('span', { class: 'push' }),
+        el('span.hint', { text: 'each joint between its limits' }),
+        el('span.push'),
         select,
       ),
       el(
-        'div',
-        { class: 'strip-grid' },
-        ...QUANTITIES.map(([title], i) => el('figure', {}, el('figcaption', { text: title }), this.canvases[i])),
+        'div.strip-grid',
+        ...QUANTITIES.map(([title], i) => el('figure', el('figcaption', { text: title }), this.canvases[i])),
       ),
     );
     new ResizeObserver(() => this.ask()).observe(host);

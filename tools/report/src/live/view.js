@@ -34,7 +34,7 @@ export class View extends Picture {
     this.stop = new Arm(run, surfaces, { opacity: 0.34 });
     this.line = run.environment ? new NearestLine(stage, this.size) : null;
     this.arrow = run.hasContact ? new ForceArrow(stage, this.size) : null;
-    this.text = el('p', { class: 'nearest-text', hidden: true });
+    this.text = el('p.nearest-text', { hidden: true });
     stage.append(this.text);
     for (const one of [this.nominal, this.real, this.stop, this.line, this.arrow]) if (one) this.scene.add(one.root);
     this.target = this.#makeTarget();

@@ -50,7 +50,7 @@ export class Headset {
 
   /** Buttons for what this browser has; none where it has no headset. */
   controls() {
-    const row = el('span', { class: 'buttons headset', hidden: true });
+    const row = el('span.buttons.headset', { hidden: true });
     const title = 'Where you stand in the headset';
     const stand = choice({ 'aria-label': title, title }, STANDS.map((text, value) => [value, text]), null, (value) => (this.stand = Number(value)));
     for (const [mode, text, tip] of MODES) {

@@ -16,10 +16,7 @@ const NONE = 0xffffffff;
 
 /** Statuses, the worst first. Another one counts as a failure. */
 const SEVERITY = ['crashed', 'guarantee_broken', 'promise_broken', 'tripped', 'failed', 'timed_out', 'stopped', 'ok'];
-export const severity = (status) => {
-  const at = SEVERITY.indexOf(status);
-  return at < 0 ? 0 : at;
-};
+export const severity = (status) => Math.max(0, SEVERITY.indexOf(status));
 export const isOk = (status) => status === 'ok';
 export const prettyStatus = (status) => status.replaceAll('_', ' ');
 
@@ -102,8 +99,7 @@ export class Column {
 
   /** The rows with a finite value, in the order of their values. */
   get order() {
-    this.#order ??= orderOf(this.numbers);
-    return this.#order;
+    return (this.#order ??= orderOf(this.numbers));
   }
 
   has(row) {

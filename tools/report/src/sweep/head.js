@@ -28,11 +28,8 @@ export function fillHead(host, sweep) {
   ];
   host.append(
     titles(sweep.title || 'Sweep', origin),
-    sweep.isPartial ? el('p', { class: 'partial card', role: 'status', text: partialText(sweep) }) : '',
-    verdicts(
-      Math.min(5, sweep.cases.length),
-      sweep.cases.map((c) => verdict(sweep, c)),
-    ),
+    sweep.isPartial ? el('p.partial.card', { role: 'status', text: partialText(sweep) }) : '',
+    verdicts(Math.min(5, sweep.cases.length), sweep.cases.map((c) => verdict(sweep, c))),
   );
 }
 
@@ -55,7 +52,7 @@ function verdict(sweep, c) {
   const kind = rows.length === 0 ? 'warn' : worst === severity('ok') ? (isKept ? 'ok' : 'warn') : worst < 2 ? 'bad' : 'warn';
   const text = rows.length === 0 ? 'no run is done yet' : sentences.map(({ text: one }) => one).join('; ');
   const parts = statuses.map(([status, n]) => `${count(n)} ${prettyStatus(status)}`).join(' · ');
-  return verdictItem(kind, c, el('span', { text }), el('div', { class: 'verdict-parts', text: parts }));
+  return verdictItem(kind, c, el('span', { text }), el('div.verdict-parts', { text: parts }));
 }
 
 /** In how many runs every limit was kept, by the nominal and the real arm, and how much of the bound was used. */
@@ -97,8 +94,8 @@ export function fillToolbar(host, state) {
     caseToggles(state, sweep.cases, 'rows', () => state.shownCases),
     resultChoice(state),
     statusChips(state),
-    el('span', { class: 'push' }),
-    el('span', { class: 'buttons' }, themeButton(state)),
+    el('span.push'),
+    el('span.buttons', themeButton(state)),
   );
   if (sweep.rows === 0) host.querySelector('select')?.setAttribute('disabled', '');
   tellHeight(host);
@@ -124,7 +121,7 @@ function resultChoice(state) {
     ),
   );
   if (state.result) select.value = state.result.name;
-  return el('label', { class: 'joint-choice' }, 'Result ', select);
+  return el('label.joint-choice', 'Result ', select);
 }
 
 function statusChips(state) {
@@ -139,5 +136,5 @@ function statusChips(state) {
     state.follow('rows', () => setPressed(chip, !state.hiddenStatuses.has(status)));
     return chip;
   });
-  return el('div', { class: 'chips', role: 'group', 'aria-label': 'Status' }, ...chips);
+  return el('div.chips', { role: 'group', 'aria-label': 'Status' }, ...chips);
 }

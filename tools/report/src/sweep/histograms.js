@@ -15,9 +15,9 @@ export class ResultHistogram extends Panel {
 
   constructor(state) {
     const name = el('h2');
-    const note = el('span', { class: 'note' });
+    const note = el('span.note');
     const scale = button({ class: 'chip', title: 'How the height tells the number of runs' });
-    super('histogram', 240, name, note, el('span', { class: 'push' }), scale);
+    super('histogram', 240, name, note, el('span.push'), scale);
     this.state = state;
     this.name = name;
     this.note = note;
@@ -27,7 +27,7 @@ export class ResultHistogram extends Panel {
       this.invalidate();
     });
     scale.textContent = 'height: linear';
-    this.table = el('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': 'Quantiles' });
+    this.table = el('div.scroll', { tabindex: 0, role: 'region', 'aria-label': 'Quantiles' });
     this.root.append(this.table);
     this.update();
   }
@@ -68,9 +68,8 @@ export class ResultHistogram extends Panel {
       const remark = note.filter(Boolean).join(', ');
       return el(
         'tr',
-        {},
         el('th', { scope: 'row' }, swatch(c.index), c.name),
-        el('td', { class: 'number', text: `${count(rows.length)}${remark ? ` (${remark})` : ''}` }),
+        el('td.number', { text: `${count(rows.length)}${remark ? ` (${remark})` : ''}` }),
         ...[0, 0.5, 0.95, 0.99, 1].map((share) =>
           el('td', {
             class: `number${column.isShare && quantile(sorted, share) > OUTSIDE ? ' bad' : ''}`,
@@ -160,7 +159,7 @@ export class DrawHistogram extends Panel {
     const text = column.distribution;
     super(column.name, 96, el('h3', { text: column.title, title: column.name }));
     this.root.classList.add('compact');
-    if (text) this.stage.before(el('p', { class: 'hint distribution', text, title: text }));
+    if (text) this.stage.before(el('p.hint.distribution', { text, title: text }));
     this.column = column;
     this.rows = rows.filter((row) => column.has(row));
     this.canvas.setAttribute('aria-label', `How often which value of ${column.title} was drawn; ${text}`);

@@ -62,8 +62,8 @@ function fillDraws(host, state) {
   });
   const panels = sweep.draws.map((draw) => new DrawHistogram(sweep, draw, rows));
   host.append(
-    el('div', { class: 'section-head' }, el('h2', { text: 'What was drawn' }), el('span', { class: 'hint', text: 'how often which value, over all runs that are done' })),
-    el('div', { class: 'multiples' }, ...panels.map(({ root }) => root)),
+    el('div.section-head', el('h2', { text: 'What was drawn' }), el('span.hint', { text: 'how often which value, over all runs that are done' })),
+    el('div.multiples', ...panels.map(({ root }) => root)),
   );
   state.on('theme', () => panels.forEach((panel) => panel.invalidate()));
 }
@@ -71,13 +71,13 @@ function fillDraws(host, state) {
 function fillDetails(host, sweep) {
   if (sweep.experiment)
     host.append(
-      el('details', { class: 'card' }, el('summary', { text: 'Experiment file' }), el('pre', { tabindex: 0, text: sweep.experiment })),
+      el('details.card', el('summary', { text: 'Experiment file' }), el('pre', { tabindex: 0, text: sweep.experiment })),
     );
   const hash = sweep.file_hash ? ` The hash of the experiment file is ${sweep.file_hash}.` : '';
   const text =
     'Beyond the limit: more than 100 % by more than rounding. The store sweep.sqlite beside this page holds every ' +
     `value in full.${hash}`;
-  host.append(el('p', { class: 'hint', text }));
+  host.append(el('p.hint', { text }));
 }
 
 async function start() {

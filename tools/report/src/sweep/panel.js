@@ -3,15 +3,9 @@ import { CanvasPainter } from '../painter.js';
 import { schedule } from '../schedule.js';
 import { colours } from '../theme.js';
 
-const observer = new IntersectionObserver(
-  (entries) => {
-    for (const { target, isIntersecting } of entries) target.panel.setVisible(isIntersecting);
-  },
-  { rootMargin: '200px 0px' },
-);
-const sizes = new ResizeObserver((entries) => {
-  for (const { target } of entries) target.panel.invalidate();
-});
+const tell = ({ target, isIntersecting }) => target.panel.setVisible(isIntersecting);
+const observer = new IntersectionObserver((entries) => entries.forEach(tell), { rootMargin: '200px 0px' });
+const sizes = new ResizeObserver((entries) => entries.forEach(({ target }) => target.panel.invalidate()));
 
 /** A figure with a head and a canvas; draws only while it is in view. `draw(painter, size)` is the heir's. */
 export class Panel {
@@ -21,8 +15,8 @@ export class Panel {
   constructor(name, height, ...head) {
     this.height = height;
     this.canvas = el('canvas', { role: 'img' });
-    this.stage = el('div', { class: 'sweep-stage', style: { height: `${height}px` } }, this.canvas);
-    this.root = el('figure', { class: 'panel', 'data-name': name }, el('figcaption', {}, ...head), this.stage);
+    this.stage = el('div.sweep-stage', { style: { height: `${height}px` } }, this.canvas);
+    this.root = el('figure.panel', { 'data-name': name }, el('figcaption', ...head), this.stage);
     this.root.panel = this;
     this.stage.panel = this;
     observer.observe(this.root);

@@ -29,14 +29,14 @@ class Scatter extends Panel {
   #at = -1; // of the points in the order of x, by keys
 
   constructor(state, draw) {
-    const notes = el('span', { class: 'note' });
-    super(draw.name, 190, el('h3', { text: draw.title, title: draw.name }), el('span', { class: 'push' }), notes);
+    const notes = el('span.note');
+    super(draw.name, 190, el('h3', { text: draw.title, title: draw.name }), el('span.push'), notes);
     this.root.classList.add('compact');
     this.state = state;
     this.draw_ = draw;
     this.notes = notes;
-    this.mark = el('div', { class: 'point-mark', hidden: true, 'aria-hidden': 'true' });
-    this.chosen = el('div', { class: 'point-mark chosen', hidden: true, 'aria-hidden': 'true' });
+    this.mark = el('div.point-mark', { hidden: true, 'aria-hidden': 'true' });
+    this.chosen = el('div.point-mark.chosen', { hidden: true, 'aria-hidden': 'true' });
     this.stage.append(this.mark, this.chosen);
     this.canvas.tabIndex = 0;
     this.canvas.addEventListener('pointermove', (event) => this.#point(this.#nearest(event)));
@@ -190,7 +190,7 @@ class Scatter extends Panel {
     const row = rows[point];
     const c = sweep.cases[sweep.caseOf[row]];
     tip.replaceChildren(
-      el('div', {}, swatch(c.index), ` run ${sweep.run[row]} · ${c.name} · ${prettyStatus(sweep.statuses[row])}`),
+      el('div', swatch(c.index), ` run ${sweep.run[row]} · ${c.name} · ${prettyStatus(sweep.statuses[row])}`),
       el('div', { text: `${this.draw_.label} ${this.draw_.show(row, true)}` }),
       el('div', { text: `${result.label} ${result.show(row, true)}` }),
     );
@@ -231,7 +231,7 @@ export class Influence {
   constructor(host, state) {
     this.state = state;
     this.scatters = state.sweep.draws.map((draw) => new Scatter(state, draw));
-    this.grid = el('div', { class: 'multiples scatters' }, ...this.scatters.map(({ root }) => root));
+    this.grid = el('div.multiples.scatters', ...this.scatters.map(({ root }) => root));
     this.title = el('h2');
     this.more = button({
       class: 'more',
@@ -241,11 +241,7 @@ export class Influence {
         this.update();
       },
     });
-    host.append(
-      el('div', { class: 'section-head' }, this.title, el('span', { class: 'hint', text: EXPLANATION })),
-      this.grid,
-      this.more,
-    );
+    host.append(el('div.section-head', this.title, el('span.hint', { text: EXPLANATION })), this.grid, this.more);
     host.hidden = this.scatters.length === 0;
     state.on('select', () => this.scatters.forEach((scatter) => scatter.markChosen()));
     state.on('rows result', () => this.update());

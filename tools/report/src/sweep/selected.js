@@ -16,35 +16,30 @@ export function createSelected(host, state) {
     const list = (columns) =>
       el(
         'dl',
-        {},
         ...columns
           .filter((column) => column.has(row))
           .flatMap((column) => [el('dt', { text: column.label, title: column.name }), el('dd', { text: column.show(row, true) })]),
       );
     host.replaceChildren(
       el(
-        'div',
-        { class: 'section-head' },
+        'div.section-head',
         swatch(c.index),
         el('h2', { text: `Run ${sweep.run[row]} · ${c.name}` }),
         el('span', { class: isOk(status) ? 'status-ok' : 'status-bad', text: prettyStatus(status) }),
         state.result ? el('span', { text: `${state.result.label} ${state.result.show(row, true)}` }) : null,
-        el('span', { class: 'push' }),
+        el('span.push'),
         replay ? copyButton(replay) : null,
         button({ class: 'icon-button', text: '×', 'aria-label': 'Close', title: 'Close (Escape)', onclick: () => state.select(row) }),
       ),
-      message ? el('p', { class: 'run-message', text: message }) : '',
-      replay ? el('code', { class: 'replay-command', tabindex: 0, text: replay }) : '',
+      message ? el('p.run-message', { text: message }) : '',
+      replay ? el('code.replay-command', { tabindex: 0, text: replay }) : '',
       el(
         'details',
-        {},
         el('summary', { text: 'All values' }),
-        el('div', { class: 'values' }, list(sweep.draws), list(sweep.columns.filter(({ kind }) => kind === 'result'))),
+        el('div.values', list(sweep.draws), list(sweep.columns.filter(({ kind }) => kind === 'result'))),
       ),
     );
   };
   state.on('select result', show);
-  addEventListener('keydown', (event) => {
-    if (event.key === 'Escape' && state.selected !== null) state.select(state.selected);
-  });
+  addEventListener('keydown', ({ key }) => key === 'Escape' && state.selected !== null && state.select(state.selected));
 }

@@ -28,7 +28,7 @@ export class RunTable {
       oninput: () => this.#reset(),
     });
     const csv = button({ text: 'CSV', title: 'Save the table, all its rows, as CSV', onclick: () => this.#saveCsv() });
-    this.table = el('table', { class: 'summary runs' });
+    this.table = el('table.summary.runs');
     this.more = button({
       class: 'more',
       onclick: () => {
@@ -37,8 +37,8 @@ export class RunTable {
       },
     });
     host.append(
-      el('div', { class: 'section-head' }, this.title, el('span', { class: 'hint', text: hint }), el('span', { class: 'push' }), this.filter, csv),
-      el('div', { class: 'scroll card', tabindex: 0, role: 'region', 'aria-label': name }, this.table),
+      el('div.section-head', this.title, el('span.hint', { text: hint }), el('span.push'), this.filter, csv),
+      el('div.scroll.card', { tabindex: 0, role: 'region', 'aria-label': name }, this.table),
       this.more,
     );
     this.host = host;
@@ -132,7 +132,7 @@ export class RunTable {
       ...columns.map(({ key, text, isNumber, isBad, isCommand, mark, full }) => {
         if (key === 'run')
           return el('th', { scope: 'row', class: 'number' }, button({ class: 'joint-name', text: text(row), title: 'Show this run' }));
-        if (isCommand) return el('td', {}, copyButton(full(row)));
+        if (isCommand) return el('td', copyButton(full(row)));
         const classes = [isNumber ? 'number' : '', isBad?.(row) ? 'bad' : ''].filter(Boolean).join(' ');
         return el('td', { class: classes || null, title: isNumber ? null : full(row) }, mark ? mark(row) : null, text(row));
       }),
