@@ -95,8 +95,8 @@ TEST(TorqueRate, TwoPathsAreNoFartherApartThanTold) {
     }
 }
 
-// Looks at stops until the torques of a tick are used up: what is not found good fails by its rate. The joint that mends it is the one
-// that leaves the least change when it alone moves as on another path, less than there is.
+// Looks at stops until the torques of a tick are used up: what is not found good fails by its rate, where that is looked at. The joint
+// that mends it is the one that leaves the least change when it alone moves as on another path, less than there is.
 TEST(TorqueRate, WhatIsNotProvenFailsByRateAndTheJointThatIsNamedMendsIt) {
     std::mt19937 random(3);
     const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
@@ -104,17 +104,21 @@ TEST(TorqueRate, WhatIsNotProvenFailsByRateAndTheJointThatIsNamedMendsIt) {
     const ArmRecursion arm(robot);
     const AxisLimits limits{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
     const DrawnPath drawn{JointVector::Constant(n, 3.0), 2.5, 12.0, 40.0, limits};
-    const JointVector none = JointVector::Constant(n, kInfinity), jerk = JointVector::Zero(n), otherJerk = none;
-    detail::TorqueScan scan(robot, {none, 5.0 * robot.actuation.torqueLimit}, kTick_s);
+    const JointVector none = JointVector::Constant(n, kInfinity), jerk = JointVector::Zero(n), otherJerk = none,
+                      limit = 0.5 * robot.actuation.torqueLimit;
+    const detail::TorqueRate rate(robot);
+    detail::TorqueScan scan(robot, {none, limit}, kTick_s);
     detail::TorqueScan::Result result;
     int counts[4] = {};  // failed, too long, and of the failed ones: mended by a joint, by none
     for (int k = 0; k < 20000; ++k) {
         if (k % 20 == 0) scan.beginTick();
         const detail::ArmPath path = drawn.draw(random, k % 2 == 0 ? 0.5 : 0.02, kTick_s),
                               other = drawn.branchOff(path, 0, random, kTick_s);
-        JointVector last;
+        JointVector last, bound;
         scan.calcTorque(path, 0, last);
         result.proven = none;
+        rate.calcBound(calcExtremes(path), bound);
+        if ((bound.array() <= limit.array()).all()) continue;
         scan.scan(path, calcExtremes(path), 1.0, last, nullptr, 0, result);
         ASSERT_EQ(result.bearsTorque, !scan.failsByRate()) << k;
         if (result.bearsTorque) continue;
@@ -137,7 +141,7 @@ TEST(TorqueRate, WhatIsNotProvenFailsByRateAndTheJointThatIsNamedMendsIt) {
         ASSERT_EQ(scan.findWorstJoint(path, jerk, other, otherJerk), expected) << k;
         ++counts[expected < 0 ? 3 : 2];
     }
-    for (const int count : counts) EXPECT_GT(count, 20);
+    for (const int count : counts) EXPECT_GT(count, 5);
 }
 
 }  // namespace
