@@ -87,6 +87,7 @@ int TorqueScan::findWorstJoint(const ArmPath& path, const JointVector& jerk, con
         return worst;
     }
     const Fault& fault = faults_[0];
+    least = std::abs(fault.value);
     struct Tick {
         JointVector q, qd, qdd;
     } here[2], there[2];
@@ -133,7 +134,8 @@ void TorqueScan::scan(const ArmPath& path, const ArmPath::Extremes& extremes, do
     const bool looksAtChanges = limitsRate_ && !(rate_.array() <= limits_.rate.array()).all();
     const bool measures = std::isinf(torqueUse);
     lastTorque_ = lastTorque;
-    isTooLong_ = looksAtChanges && !measures && path.ticks() >= left_;  // a shorter one may still be looked at
+    // Beside its suspects; a shorter one may still be looked at.
+    isTooLong_ = looksAtChanges && !measures && path.ticks() >= left_ - 2 * suspectCount_;
     if (isTooLong_ || (!measures && failsAgain(path, torqueUse))) {
         result.bearsTorque = false;
         result.proven.setConstant(kInfinity);

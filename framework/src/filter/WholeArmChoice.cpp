@@ -293,16 +293,19 @@ from them back to the backup stop.
 void WholeArmChoice::steer(const MotionState& nominal, const Dynamics& dynamics, const JointMatrix* metric,
                            const JointVector& desired, bool hasRows) {
     const bool steers = options_.steers && metric;
+    JointVector from = steered_;  // what was looked at last
+    if (hasRows) {
+        rows_.clear();
+        check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
+        check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
+    }
     if (isEasing_ && steers && demands_.isKept()) {
         goOneByOne(nominal, desired);
         if (hasBest_) return;
     }
-    JointVector from = steered_;  // what was looked at last
     if (hasRows) {
-        rows_.clear();
         for (int round = 0; round < kSteeringRounds; ++round) {
-            check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
-            if (round == 0) check_.addTickRows(dynamics, nominal.qdd, demands_.get().torqueUse, lastTorque_, rows_);
+            if (round > 0) check_.addRows(from, storedPath_, storedJerk_, demands_.get(), rows_);
             braking_.propose(chooseMetric(dynamics, metric), desired, &rows_, steered_);
             if (steered_ == from) break;
             from = steered_;
@@ -353,12 +356,13 @@ void WholeArmChoice::goOneByOne(const MotionState& nominal, const JointVector& d
 }
 
 /** An arm that is still for a while though it is asked to move, is eased until it has moved and is still again; where that
-leads nowhere, not again for twice the time. */
+leads nowhere for as long, not again for twice the time. */
 void WholeArmChoice::updateEasing(const MotionState& nominal) {
+    const std::int64_t first = std::llround(kWait_s / tick_s_);
     if ((nominal.qd.array().abs() > still_radps_.array()).any()) {
         still_ = 0;
-        wait_ = std::llround(kWait_s / tick_s_);
-    } else if (++still_ >= wait_) {
+        wait_ = first;
+    } else if (++still_ >= (isEasing_ ? first : wait_)) {
         still_ = 0;
         if (isEasing_) wait_ *= 2;
         isEasing_ = !isEasing_ && feed_;

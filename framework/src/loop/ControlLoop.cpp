@@ -244,14 +244,11 @@ void ControlLoop::feelTouch() {
     const Dynamics& dynamics = nominalArm_.dynamics();
     const bool isPlausible = std::all_of(isPlausible_.begin(), isPlausible_.begin() + n_, [](bool is) { return is; });
     if (missingExternalTorques_ > kMaxSubstitutedTicks || !isPlausible || dynamics.J.cols() != n_) return touch_->end();
-    JointVector room(n_);
+    JointVector rest(n_);
     const JointVector& driving = nominalArm_.motion().torque;
     if (driving.size() != n_) return;  // before its first tick
-    for (int i = 0; i < n_; ++i) {
-        const double motor = std::max(0.0, setup_.robot.actuation.torqueLimit[i] - std::abs(driving[i]));
-        room[i] = authority_.limits(i) ? std::min(authority_.calcRest(i), motor) : motor;
-    }
-    touch_->update(plausible_, torque ? *torque : touch_->external(), room);
+    for (int i = 0; i < n_; ++i) rest[i] = authority_.limits(i) ? authority_.calcRest(i) : kInfinity;
+    touch_->update(plausible_, torque ? *torque : touch_->external(), rest, driving);
     const detail::ToolSurface surface = touch_->surface();
     const double above = surface.normal.dot(dynamics.tool.position) - surface.offset;
     if (touch_->isOn() && touch_->hasLost()) {

@@ -17,7 +17,7 @@ constexpr double kAngular = 0.1, kWish = 0.01;
 constexpr double kMoment = 0.3;
 /** A joint with less pull on the tool does not hold it [m]; all of them with less than this share of the lever arm do not. */
 constexpr double kNoLever = 1e-6, kLeastPull = 0.1;
-/** A contact begins with no less than this share of the force asked for, however little the joints may give. */
+/** No contact is less than this share of the force asked for: where the joints may not give that none begins, and one is lost. */
 constexpr double kLeastForce = 0.1;
 
 double follow(double tick_s, double time_s) {
@@ -51,6 +51,7 @@ ToolTouch::ToolTouch(const RunSetup& setup, double force, const LinearErrorLoop*
     : force_(force),
       tick_s_(setup.tick_s),
       friction_(setup.robot.actuation.friction),
+      motor_(setup.robot.actuation.torqueLimit),
       model_(std::make_shared<RobotModel>(setup.robot)) {
     if (law) law_ = *law;
     reset();
@@ -77,23 +78,32 @@ void ToolTouch::begin(const Eigen::Vector3d& force) {
     deepest_ = stiffness_ = integral_ = share_ = air_s_ = since_s_ = 0.0;
 }
 
-void ToolTouch::limitForce(const Eigen::Vector3d& direction, const JointVector& room) {
+/** Pressing takes torque against the pull off what drives a motor: where both have one sign there is more room, and less the other
+way. */
+void ToolTouch::limitForce(const Eigen::Vector3d& direction, const JointVector& rest, const JointVector& driving) {
     const JointVector pull = dynamics_.J.topRows<3>().transpose() * direction;
-    most_ = room.cwiseQuotient(pull.cwiseAbs().cwiseMax(kNoLever)).minCoeff();
+    const JointVector along = pull.cwiseSign().cwiseProduct(driving), lever = pull.cwiseAbs().cwiseMax(kNoLever);
+    most_ = rest.cwiseMin((motor_ + along).cwiseMax(0.0)).cwiseQuotient(lever).minCoeff();
+    mostBack_ = rest.cwiseMin((motor_ - along).cwiseMax(0.0)).cwiseQuotient(lever).minCoeff();
     asked_ = std::min(force_, kRoom * most_);
 }
 
-void ToolTouch::update(const JointState& real, const JointVector& external, const JointVector& room) {
+bool ToolTouch::feels(double force) const {
+    return force > 0.5 * std::max(asked_, kLeastForce * force_);
+}
+
+void ToolTouch::update(const JointState& real, const JointVector& external, const JointVector& rest,
+                       const JointVector& driving) {
     push_.setZero();
     external_ = external;
     model_->calcDynamics(real.q, real.qd, dynamics_);
     const Eigen::Vector3d at = dynamics_.tool.position, force = calcToolForce(dynamics_.J, external_);
     if (!isOn_) {
-        limitForce(force.normalized(), room);
-        if (!hasFree_ || !(force.norm() > 0.5 * asked_)) free_ = at;
+        limitForce(force.normalized(), rest, driving);
+        if (!hasFree_ || !feels(force.norm())) free_ = at;
         hasFree_ = true;
-        const JointVector ofForce = dynamics_.J.topRows<3>().transpose() * force, rest = external_ - ofForce;
-        if (force.norm() > std::max(asked_, kLeastForce * force_) && rest.norm() < kMoment * external_.norm() &&
+        const JointVector ofForce = dynamics_.J.topRows<3>().transpose() * force, other = external_ - ofForce;
+        if (asked_ >= kLeastForce * force_ && force.norm() > asked_ && other.norm() < kMoment * external_.norm() &&
             ofForce.norm() > kLeastPull * calcLeverArm(dynamics_.J) * force.norm())
             begin(force);
         if (!isOn_) return;
@@ -101,8 +111,8 @@ void ToolTouch::update(const JointState& real, const JointVector& external, cons
     since_s_ += tick_s_;
     place_ += follow(tick_s_, kPlace_s) * (at - place_);
     measured_ = normal_.dot(force);
-    limitForce(normal_, room);
-    air_s_ = measured_ > 0.5 * asked_ ? 0.0 : air_s_ + tick_s_;
+    limitForce(normal_, rest, driving);
+    air_s_ = feels(measured_) ? 0.0 : air_s_ + tick_s_;
     if (air_s_ > 0.0) {
         begin_ = at;
         beginForce_ = measured_;
@@ -112,7 +122,7 @@ void ToolTouch::update(const JointState& real, const JointVector& external, cons
     learnStiffness(measured_);
     // Without a force it has only bounced.
     const double height = normal_.dot(place_);
-    offset_ = measured_ > 0.5 * asked_ ? height : std::min(height, offset_);
+    offset_ = feels(measured_) ? height : std::min(height, offset_);
 }
 
 /** The way is that of the surface, but for what the tool went deeper. */
@@ -186,7 +196,7 @@ void ToolTouch::see(const MotionState& nominal, const Dynamics& dynamics, const 
         integral_ += share_ * rate * tick_s_ * std::max(-2.0 * asked_, asked_ - measured_);
     else
         integral_ -= follow(tick_s_, kContact_s) * integral_;
-    integral_ = std::clamp(integral_, -most_ - asked_, most_ - asked_);
+    integral_ = std::clamp(integral_, -mostBack_ - asked_, most_ - asked_);
     push_ = share_ * (damping * wanted - asked_ - integral_) * pull;
 }
 

@@ -18,7 +18,8 @@ JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const Join
 
 /** The contact of the real arm's tool with what stands in its way, by its torque sensors (MATH 13).
 
-It begins when the sensors show more than `force` at the tool, and ends where the host says so. Its normal is the force
+It begins when the sensors show more at the tool than it is to press with: `force`, or what the joints may give, if that is a
+tenth of it or more. The tool must have a lever there. It ends where the host says so. Its normal is the force
 without the part along the tool's way: Coulomb's friction acts along that. While the tool does not move the normal stays.
 Where the tool has bounced off it goes back to the surface, and on into it when that is gone.
 Then the robust loop holds the tool no longer along the normal. It sees no error there, and of the velocity
@@ -49,8 +50,10 @@ public:
 
     void reset();
     /** @param external  as the sensors measure it [Nm]
-    @param room  torque that may be added to each joint [Nm]: the force gives way where kRoom of it is not enough */
-    void update(const JointState& real, const JointVector& external, const JointVector& room);
+    @param rest     torque that may be added to each joint [Nm]
+    @param driving  what drives its motor without that [Nm]: the force gives way where kRoom of both's room is not enough */
+    void update(const JointState& real, const JointVector& external, const JointVector& rest,
+                const JointVector& driving);
     void end() { isOn_ = false; }
 
     bool isOn() const { return isOn_; }
@@ -74,14 +77,16 @@ public:
 private:
     void begin(const Eigen::Vector3d& force);
     void turnNormal(const Eigen::Vector3d& force);
-    void limitForce(const Eigen::Vector3d& direction, const JointVector& room);
+    void limitForce(const Eigen::Vector3d& direction, const JointVector& rest, const JointVector& driving);
+    bool feels(double force) const;
     double calcWanted();
     void liftNominal(const MotionState& nominal, const Dynamics& dynamics, double above, double share);
     void learnStiffness(double force);
     double calcDamping(const JointVector& pull, const JointMatrix& M) const;
 
-    double force_ = 0.0, asked_ = 0.0, most_ = 0.0, tick_s_ = 0.0;  // [N]; most_: with the push against friction
+    double force_ = 0.0, asked_ = 0.0, most_ = 0.0, mostBack_ = 0.0, tick_s_ = 0.0;  // [N]; most: with friction
     JointFriction friction_;
+    JointVector motor_;                   // limits
     std::optional<LinearErrorLoop> law_;  // none: not known
     std::shared_ptr<RobotModel> model_;
     Dynamics dynamics_, ofLifted_;  // of the real arm; of the nominal one that is lifted

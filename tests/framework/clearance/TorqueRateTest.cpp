@@ -1,4 +1,4 @@
-#include "clearance/TorqueRate.h"
+#include "clearance/TorqueScan.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,6 @@
 
 #include "DrawnPath.h"
 #include "SlidingArm.h"
-#include "robot/ArmRecursion.h"
 
 namespace viable {
 namespace {
@@ -94,6 +93,55 @@ TEST(TorqueRate, TwoPathsAreNoFartherApartThanTold) {
         EXPECT_GT(largestUse, 0.1);
         EXPECT_GT(apartUse, 0.8);
     }
+}
+
+// Looks at stops until the torques of a tick are used up: what is not found good fails by its rate, where that is looked at. The joint
+// that mends it is the one that leaves the least change when it alone moves as on another path, less than there is.
+TEST(TorqueRate, WhatIsNotProvenFailsByRateAndTheJointThatIsNamedMendsIt) {
+    std::mt19937 random(3);
+    const RobotDescription robot = loadRobot(VIABLE_SOURCE_DIR "/robots/indy7");
+    const int n = robot.size();
+    const ArmRecursion arm(robot);
+    const AxisLimits limits{-3.0, 3.0, -2.5, 2.5, -12.0, 12.0, -40.0, 40.0};
+    const DrawnPath drawn{JointVector::Constant(n, 3.0), 2.5, 12.0, 40.0, limits};
+    const JointVector none = JointVector::Constant(n, kInfinity), jerk = JointVector::Zero(n), otherJerk = none,
+                      limit = 0.5 * robot.actuation.torqueLimit;
+    const detail::TorqueRate rate(robot);
+    detail::TorqueScan scan(robot, {none, limit}, kTick_s);
+    detail::TorqueScan::Result result;
+    int counts[4] = {};  // failed, too long, and of the failed ones: mended by a joint, by none
+    for (int k = 0; k < 20000; ++k) {
+        if (k % 20 == 0) scan.beginTick();
+        const detail::ArmPath path = drawn.draw(random, k % 2 == 0 ? 0.5 : 0.02, kTick_s),
+                              other = drawn.branchOff(path, 0, random, kTick_s);
+        JointVector last, bound;
+        scan.calcTorque(path, 0, last);
+        result.proven = none;
+        rate.calcBound(calcExtremes(path), bound);
+        if ((bound.array() <= limit.array()).all()) continue;
+        scan.scan(path, calcExtremes(path), 1.0, last, nullptr, 0, result);
+        ASSERT_EQ(result.bearsTorque, !scan.failsByRate()) << k;
+        if (result.bearsTorque) continue;
+        ++counts[scan.faultCount() > 0 ? 0 : 1];
+        if (k % 20 != 0 || scan.faultCount() == 0) continue;  // of the first all can be looked at
+        const detail::TorqueScan::Fault fault = scan.fault(0);
+        int expected = -1;
+        double least = std::abs(fault.value);
+        for (int i = 0; i < n; ++i) {
+            JointVector q[2], qd[2], qdd[2], tau[2];
+            for (int t = 0; t < 2; ++t) {
+                path.calcTick(fault.tick - 1 + t, q[0], qd[0], qdd[0]);
+                other.calcTick(std::min(fault.tick - 1 + t, other.ticks()), q[1], qd[1], qdd[1]);
+                q[0][i] = q[1][i], qd[0][i] = qd[1][i], qdd[0][i] = qdd[1][i];
+                arm.calcTorque(q[0], qd[0], qdd[0], tau[t]);
+            }
+            const double left = std::abs((tau[1] - tau[0])[fault.joint]);
+            if (left < least) expected = i, least = left;
+        }
+        ASSERT_EQ(scan.findWorstJoint(path, jerk, other, otherJerk), expected) << k;
+        ++counts[expected < 0 ? 3 : 2];
+    }
+    for (const int count : counts) EXPECT_GT(count, 5);
 }
 
 }  // namespace
