@@ -194,7 +194,7 @@ Motion readMotion(const RobotDescription& nominal, const MotionRecord& record, d
             deviation[k] = estimate.deviation[1];
         }
     };
-    WorkShare::forEachAtOnce("smoothing", joints, smooth, SIZE_MAX, share, own);
+    WorkShare::forEachAtOnce("smoothing", joints, smooth, countSmoothedAtOnce(times.size()), share, own);
     return motion;
 }
 

@@ -245,9 +245,6 @@ void drawCurves(const RecordVerdict& all, const SmoothedMotion& motion, JointVer
     }
 }
 
-/** A joint's motion takes some 900 bytes a reading while it is judged: of so many readings at once. */
-constexpr std::size_t kMostReadings = 4'000'000;
-
 /** The joint's motion lives for this joint only. */
 void checkJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,
                 const RecordVerdict& all, JointVerdict& joint) {
@@ -349,8 +346,7 @@ RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimi
             }
         }
     };
-    WorkShare::forEachAtOnce("judging", all.joints.size(), judge,
-                             std::max<std::size_t>(1, kMostReadings / all.samples));
+    WorkShare::forEachAtOnce("judging", all.joints.size(), judge, countSmoothedAtOnce(all.samples));
     std::string troubles;
     for (const JointVerdict& joint : all.joints)
         if (!joint.trouble.empty()) troubles += (troubles.empty() ? "" : " ") + joint.name + ": " + joint.trouble;
