@@ -141,12 +141,14 @@ of 4. */
             for (Eigen::Index k = 0; k < depth; ++k) {
                 const double* entries = a.data() + k * rows + row;
                 const __m256d up = _mm256_loadu_pd(entries), down = _mm256_loadu_pd(entries + 4);
+#pragma GCC unroll 4
                 for (int c = 0; c < 4; ++c) {
                     const __m256d factor = _mm256_broadcast_sd(b.data() + (column + c) * depth + k);
                     upper[c] = _mm256_add_pd(upper[c], _mm256_mul_pd(up, factor));
                     lower[c] = _mm256_add_pd(lower[c], _mm256_mul_pd(down, factor));
                 }
             }
+#pragma GCC unroll 4
             for (int c = 0; c < 4; ++c) {
                 double* entries = product.data() + (column + c) * rows + row;
                 _mm256_storeu_pd(entries, upper[c]);
@@ -161,7 +163,7 @@ void multiply(const MatrixXd& a, const MatrixXd& b, MatrixXd& product) {
     static const bool isWide = __builtin_cpu_supports("avx2");
     if (isWide) return multiplyWide(a, b, product);
 #endif
-    product.noalias() = a * b;
+    product.noalias() = a.lazyProduct(b);
 }
 
 /** Columns of states that go on by a number of ticks at a time, and what they show: one LoopOutput below the other. */
