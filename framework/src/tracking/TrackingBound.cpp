@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/AtOnce.h"
 #include "core/Text.h"
 #include "tracking/ArmExtremes.h"
 #include "tracking/FrozenLoop.h"
@@ -109,12 +110,11 @@ public:
     TrackingBound make() {
         checkStability();
         const JointVector none = JointVector::Zero(n_);
-        const std::vector<LoopGains> free = calcAllGains(none);
-        std::vector<View> views{{none, true, free}};
-        if (damping_.maxCoeff() > 0.0) {
-            if (set_.isFrictionConstant) views.push_back({none, false, free});
-            views.push_back({damping_, false, calcAllGains(damping_)});
-        }
+        std::vector<View> views{{none, true, {}}};
+        if (damping_.maxCoeff() > 0.0) views.push_back({damping_, false, {}});
+        calcGains(views);
+        if (views.size() > 1 && set_.isFrictionConstant)
+            views.insert(views.begin() + 1, {none, false, views.front().gains});
         Errors errors;
         if (findFixedPoint(views, kMaxRounds, errors)) return evaluate(views, errors, true);
         throw badInput(place_,
@@ -183,13 +183,16 @@ private:
         std::vector<LoopGains> gains;  // by inertia
     };
 
-    std::vector<LoopGains> calcAllGains(const JointVector& damping) const {
-        std::vector<LoopGains> gains;
-        for (const detail::PoseInertia& pose : arm_.inertias) {
-            gains.push_back(detail::calcGains(makeLoop(pose.M, damping, kr_), ages_));
-            checkFinite(gains.back(), pose);
-        }
-        return gains;
+    void calcGains(std::vector<View>& views) const {
+        const std::size_t poses = arm_.inertias.size();
+        for (View& view : views) view.gains.resize(poses);
+        detail::forEachAtOnce(views.size() * poses, [&](std::size_t k) {
+            View& view = views[k / poses];
+            const detail::PoseInertia& pose = arm_.inertias[k % poses];
+            LoopGains& gains = view.gains[k % poses];
+            gains = detail::calcGains(makeLoop(pose.M, view.damping, kr_), ages_);
+            checkFinite(gains, pose);
+        });
     }
 
     /** What the errors are bounded by, and the torque that the motors carry then. */
@@ -274,13 +277,14 @@ private:
     }
     /** With any damping that the friction can be. Not finite counts as unstable. */
     double calcWorstRadius(const JointVector& kr) const {
-        double worst = 0.0;
-        for (const detail::PoseInertia& pose : arm_.inertias)
+        std::vector<double> worst(arm_.inertias.size(), 0.0);
+        detail::forEachAtOnce(worst.size(), [&](std::size_t k) {
             for (const double share : {0.0, 0.5, 1.0}) {
-                const double radius = detail::calcSpectralRadius(makeLoop(pose.M, share * slope_, kr));
-                worst = std::isfinite(radius) ? std::max(worst, radius) : INFINITY;
+                const double radius = detail::calcSpectralRadius(makeLoop(arm_.inertias[k].M, share * slope_, kr));
+                worst[k] = std::isfinite(radius) ? std::max(worst[k], radius) : INFINITY;
             }
-        return worst;
+        });
+        return *std::max_element(worst.begin(), worst.end());
     }
 
     void checkFinite(const LoopGains& gains, const detail::PoseInertia& pose) const {
@@ -567,18 +571,15 @@ private:
     @param withParts  with all parts and outputs, else those that the next round takes */
     TrackingBound evaluate(const std::vector<View>& views, const Errors& errors, bool withParts,
                            const Reduction& reduction = {}) const {
-        TrackingBound bound;
-        for (const Phase& phase : phases_) {
-            const Terms terms = calcTerms(phase, errors.e, errors.de);
-            TrackingBound now = evaluate(views.front(), phase, terms, errors, withParts, reduction);
+        std::vector<TrackingBound> bounds(phases_.size());
+        detail::forEachAtOnce(bounds.size(), [&](std::size_t i) {
+            const Terms terms = calcTerms(phases_[i], errors.e, errors.de);
+            bounds[i] = evaluate(views.front(), phases_[i], terms, errors, withParts, reduction);
             for (std::size_t k = 1; k < views.size(); ++k)
-                keepSmaller(evaluate(views[k], phase, terms, errors, withParts, reduction), now);
-            if (phase.number == 0)
-                bound = std::move(now);
-            else
-                keepLarger(now, bound);
-        }
-        return bound;
+                keepSmaller(evaluate(views[k], phases_[i], terms, errors, withParts, reduction), bounds[i]);
+        });
+        for (std::size_t i = 1; i < bounds.size(); ++i) keepLarger(bounds[i], bounds.front());
+        return bounds.front();
     }
 
     /** What may take any course as one torque; of each view and phase as many sources, which are compared one by one. */

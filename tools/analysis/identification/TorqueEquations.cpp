@@ -168,28 +168,33 @@ Motion readMotion(const RobotDescription& nominal, const MotionRecord& record, d
     for (std::size_t k = 1; k < times.size(); ++k)
         motion.startsAnew[k] = times[k] - times[k - 1] > kGap * motion.interval_s;
 
-    for (const MotionRecord::Joint* joint : motion.joints) {
-        WorkShare::tell("smoothing", share + own * static_cast<double>(motion.path.size()) / motion.joints.size());
-        auto& path = motion.path.emplace_back();
+    const std::size_t joints = motion.joints.size();
+    motion.path.resize(joints);
+    motion.velocityDeviation.resize(joints);
+    motion.margin_s.resize(joints);
+    const auto smooth = [&](std::size_t i) {
+        const MotionRecord::Joint& joint = *motion.joints[i];
+        auto& path = motion.path[i];
         for (auto& order : path) order.assign(times.size(), 0.0);
-        auto& deviation = motion.velocityDeviation.emplace_back(times.size(), 0.0);
+        std::vector<double>& deviation = motion.velocityDeviation[i];
+        deviation.assign(times.size(), 0.0);
         // A joint at rest has nothing to smooth, or so little that a whole count never changes.
-        const auto isSame = [&](double q) { return !(q != joint->positions.front()); };
-        if (std::isfinite(joint->positions.front()) &&
-            std::all_of(joint->positions.begin(), joint->positions.end(), isSame)) {
-            path[0].assign(times.size(), joint->positions.front());
-            motion.margin_s.push_back(0.0);
-            continue;
+        const auto isSame = [&](double q) { return !(q != joint.positions.front()); };
+        if (std::isfinite(joint.positions.front()) &&
+            std::all_of(joint.positions.begin(), joint.positions.end(), isSame)) {
+            path[0].assign(times.size(), joint.positions.front());
+            return;
         }
-        const SmoothedMotion smooth =
-            smoothMotion(times, joint->positions, record.source + ": joint `" + joint->name + "`");
-        motion.margin_s.push_back(smooth.window_s());
+        const SmoothedMotion smoothed =
+            smoothMotion(times, joint.positions, record.source + ": joint `" + joint.name + "`");
+        motion.margin_s[i] = smoothed.window_s();
         for (std::size_t k = 0; k < times.size(); ++k) {
-            const MotionEstimate estimate = smooth.evaluate(times[k]);
+            const MotionEstimate estimate = smoothed.evaluate(times[k]);
             for (std::size_t order = 0; order < 3; ++order) path[order][k] = estimate.mean[order];
             deviation[k] = estimate.deviation[1];
         }
-    }
+    };
+    WorkShare::forEachAtOnce("smoothing", joints, smooth, countSmoothedAtOnce(times.size()), share, own);
     return motion;
 }
 

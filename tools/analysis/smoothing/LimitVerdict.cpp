@@ -245,7 +245,7 @@ void drawCurves(const RecordVerdict& all, const SmoothedMotion& motion, JointVer
     }
 }
 
-/** The joint's motion is as large as its readings many times over: it lives for this joint only. */
+/** The joint's motion lives for this joint only. */
 void checkJoint(const MotionRecord& record, std::size_t place, const std::array<Range, kMotionOrders>& ranges,
                 const RecordVerdict& all, JointVerdict& joint) {
     const JudgeOptions& options = all.options;
@@ -324,10 +324,9 @@ RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimi
     all.begin_s = record.times_s.front();
     all.end_s = record.times_s.back();
     all.samples = record.times_s.size();
-    std::string troubles;
-    for (std::size_t i = 0; i < record.joints.size(); ++i) {
-        WorkShare::tell("judging", static_cast<double>(i) / static_cast<double>(record.joints.size()));
-        JointVerdict joint;
+    all.joints.resize(record.joints.size());
+    const auto judge = [&](std::size_t i) {
+        JointVerdict& joint = all.joints[i];
         joint.name = record.joints[i].name;
         joint.isPrismatic = record.joints[i].isPrismatic;
         const std::array<Range, kMotionOrders> ranges = getRanges(limits[i]);
@@ -345,11 +344,12 @@ RecordVerdict checkRecord(const MotionRecord& record, const std::vector<AxisLimi
                 limit.deviation = limit.lowest = limit.highest = std::numeric_limits<double>::quiet_NaN();
                 if (ranges[order].isFinite()) limit.finding = Finding::CannotTell;
             }
-            troubles += (troubles.empty() ? "" : " ") + joint.name + ": " + joint.trouble;
         }
-        all.joints.push_back(std::move(joint));
-    }
-    WorkShare::tell("judging", 1.0);
+    };
+    WorkShare::forEachAtOnce("judging", all.joints.size(), judge, countSmoothedAtOnce(all.samples));
+    std::string troubles;
+    for (const JointVerdict& joint : all.joints)
+        if (!joint.trouble.empty()) troubles += (troubles.empty() ? "" : " ") + joint.name + ": " + joint.trouble;
     if (std::none_of(all.joints.begin(), all.joints.end(), [](const JointVerdict& j) { return j.motion.has_value(); }))
         throw badInput(record.source, "no joint can be judged: " + troubles);
     return all;

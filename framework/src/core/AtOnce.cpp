@@ -1,0 +1,39 @@
+#include "core/AtOnce.h"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+namespace viable::detail {
+
+void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& work, std::size_t most) {
+    std::vector<std::exception_ptr> errors(count);
+    std::atomic<std::size_t> next{0};
+    std::atomic<bool> hasFailed{false};
+    const auto run = [&] {
+        for (std::size_t i; !hasFailed && (i = next++) < count;) {
+            try {
+                work(i);
+            } catch (...) {
+                errors[i] = std::current_exception();
+                hasFailed = true;
+            }
+        }
+    };
+    std::vector<std::thread> others;
+    const std::size_t threads = std::min({std::size_t{std::thread::hardware_concurrency()}, count, most});
+    others.reserve(threads);
+    try {
+        while (others.size() + 1 < threads) others.emplace_back(run);
+    } catch (const std::system_error&) {  // fewer threads do it, too
+    }
+    run();
+    for (std::thread& thread : others) thread.join();
+    const auto first = std::find_if(errors.begin(), errors.end(), [](const auto& error) { return error != nullptr; });
+    if (first != errors.end()) std::rethrow_exception(*first);
+}
+
+}  // namespace viable::detail
