@@ -4,34 +4,48 @@
 
 #include <stdexcept>
 
+#include "core/AtOnce.h"
+
 namespace viable::detail {
 
 namespace {
 
-std::string compress(const std::string& bytes) {
+/** A part of a stream of deflate, from a byte of its own on; it knows of the part before nothing but its end. */
+std::string deflatePart(const char* data, std::size_t size, bool isLast) {
     z_stream stream{};
-    constexpr int kGzip = 16;
-    if (deflateInit2(&stream, 6, Z_DEFLATED, MAX_WBITS + kGzip, 8, Z_DEFAULT_STRATEGY) != Z_OK)
+    if (deflateInit2(&stream, 6, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
         throw std::runtime_error("zlib cannot begin to compress");
-    std::string out(deflateBound(&stream, bytes.size()), '\0');
-    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+    std::string out(deflateBound(&stream, size) + 16, '\0');
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(data));
+    stream.avail_in = static_cast<uInt>(size);
     stream.next_out = reinterpret_cast<Bytef*>(out.data());
-    // Counts in zlib are 32 bits wide: in and out in portions.
-    std::size_t left = bytes.size(), room = out.size();
-    int status = Z_OK;
-    while (status == Z_OK) {
-        constexpr std::size_t kPortion = 1u << 30;
-        const uInt in = static_cast<uInt>(std::min(left, kPortion));
-        const uInt space = static_cast<uInt>(std::min(room, kPortion));
-        stream.avail_in = in;
-        stream.avail_out = space;
-        status = deflate(&stream, left == in ? Z_FINISH : Z_NO_FLUSH);
-        left -= in - stream.avail_in;
-        room -= space - stream.avail_out;
-    }
+    stream.avail_out = static_cast<uInt>(out.size());
+    const int status = deflate(&stream, isLast ? Z_FINISH : Z_SYNC_FLUSH);
+    out.resize(out.size() - stream.avail_out);
     deflateEnd(&stream);
-    if (status != Z_STREAM_END) throw std::runtime_error("zlib cannot compress");
-    out.resize(out.size() - room);
+    if (status != (isLast ? Z_STREAM_END : Z_OK)) throw std::runtime_error("zlib cannot compress");
+    return out;
+}
+
+/** As one member of gzip (RFC 1952), its parts at once; the same for any number of cores. */
+std::string compress(const std::string& bytes) {
+    constexpr std::size_t kPart = 1 << 20;
+    std::vector<std::string> parts(std::max<std::size_t>(1, (bytes.size() + kPart - 1) / kPart));
+    std::vector<uLong> sums(parts.size());
+    forEachAtOnce(parts.size(), [&](std::size_t i) {
+        const char* data = bytes.data() + i * kPart;
+        const std::size_t size = std::min(kPart, bytes.size() - i * kPart);
+        parts[i] = deflatePart(data, size, i + 1 == parts.size());
+        sums[i] = crc32(0, reinterpret_cast<const Bytef*>(data), static_cast<uInt>(size));
+    });
+    std::string out("\x1f\x8b\x08\0\0\0\0\0\0\x03", 10);
+    uLong sum = 0;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        out += parts[i];
+        sum = crc32_combine(sum, sums[i], static_cast<z_off_t>(std::min(kPart, bytes.size() - i * kPart)));
+    }
+    for (const std::uint64_t number : {std::uint64_t{sum}, std::uint64_t{bytes.size()}})
+        for (int byte = 0; byte < 4; ++byte) out += static_cast<char>(number >> 8 * byte & 255);
     return out;
 }
 

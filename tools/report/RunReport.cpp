@@ -1,5 +1,8 @@
 #include "report/RunReport.h"
 
+#include <deque>
+
+#include "core/AtOnce.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "experiment/RunningCase.h"
@@ -63,6 +66,8 @@ constexpr std::size_t kExternal = kQuantityCount + std::size(kDerivatives);
 constexpr std::size_t kTracksPerJoint = kExternal + 1;
 /** Of the whole arm, after those of the joints: clearance, pressing force, distance of each arm's tool from its command. */
 constexpr std::size_t kArmTracks = 4;
+/** Buckets of rows at most: what a wide screen shows, and what shows each row of half a minute when it is enlarged. Even. */
+constexpr std::size_t kShownBuckets = 4000, kFullBuckets = 32000;
 
 /** What the replay shows of a tick's clearance, in this order. */
 const LimitReport& getNearest(const TickRecord& r) {
@@ -174,7 +179,7 @@ std::function<Pose(const JointVector&)> findTool(const LogReader& reader, const 
 /** Everything of one log that the page shows. */
 class CaseData {
 public:
-    CaseData(const LogReader& reader, const LogMetadata& metadata)
+    CaseData(const LogReader& reader, const LogMetadata& metadata, std::size_t buckets)
         : n_(static_cast<int>(reader.layout().jointNames.size())),
           hasRealArm_(reader.layout().hasRealPlant),
           external_(findExternalTorque(reader)),
@@ -185,9 +190,9 @@ public:
           links_(metadata.links.value_or(std::vector<std::string>())),
           obstacles_(metadata.obstacles.value_or(std::vector<std::string>())),
           calcTool_(findTool(reader, metadata)),
-          tracks_(reader.layout().jointNames.size() * kTracksPerJoint + kArmTracks),
-          limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union),
-          status_(1, detail::CodeTracks::Join::Largest),
+          tracks_(reader.layout().jointNames.size() * kTracksPerJoint + kArmTracks, buckets),
+          limits_(reader.layout().jointNames.size(), detail::CodeTracks::Join::Union, buckets),
+          status_(1, detail::CodeTracks::Join::Largest, buckets),
           nominal_(reader.layout().jointNames.size()),
           real_(reader.layout().jointNames.size()),
           rest_(reader.layout().jointNames.size()),
@@ -725,13 +730,29 @@ void addVerification(const fs::path& log, const LogReader& reader, json& one, Bi
     }
 }
 
-json describeCase(const fs::path& log, LogReader& reader, const json& summary, BinaryBlock& block) {
-    const LogMetadata metadata = readLogMetadata(reader.metadata(), reader.layout().jointNames);
-    CaseData data(reader, metadata);
-    TickRecord record;
-    while (reader.read(record)) data.add(record);
-    json one = data.describe(block);
-    one["name"] = getCase(log);
+/** A log, its rows read or not yet. */
+struct OpenLog {
+    OpenLog(fs::path log, std::size_t buckets)
+        : file(std::move(log)),
+          reader(file),
+          metadata(readLogMetadata(reader.metadata(), reader.layout().jointNames)),
+          data(reader, metadata, buckets) {}
+    void readRows() {
+        TickRecord record;
+        while (reader.read(record)) data.add(record);
+    }
+
+    fs::path file;
+    LogReader reader;
+    LogMetadata metadata;
+    CaseData data;
+};
+
+json describeCase(const OpenLog& log, const json& summary, BinaryBlock& block) {
+    const LogReader& reader = log.reader;
+    const LogMetadata& metadata = log.metadata;
+    json one = log.data.describe(block);
+    one["name"] = getCase(log.file);
     one["filter"] = getPlugin(metadata, "filter");
     one["robust_loop"] = getPlugin(metadata, "robust_loop");
     one["plant"] = getPlugin(metadata, "plant");
@@ -755,7 +776,7 @@ json describeCase(const fs::path& log, LogReader& reader, const json& summary, B
         if (const std::string stop = known.value("stop", ""); !stop.empty())
             one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
     }
-    addVerification(log, reader, one, block);
+    addVerification(log.file, reader, one, block);
     return one;
 }
 
@@ -849,25 +870,27 @@ private:
 
 /** Throws json::exception where the summary has another shape. */
 fs::path composeReport(const fs::path& folder, const std::string& fileName, const detail::Page& page, const Arm& arm,
-                       const json& summary) {
+                       const json& summary, std::size_t buckets) {
     BinaryBlock block;
     json data = {{"format", 1},        {"file", summary.value("experiment", "")},
                  {"robot", nullptr},   {"scene", nullptr},
                  {"summary", nullptr}, {"cases", json::array()}};
     std::vector<std::string> yaml;
     Environments environments;
-    for (const fs::path& log : arm.logs) {
-        LogReader reader(log);
+    std::deque<OpenLog> logs;
+    for (const fs::path& log : arm.logs) logs.emplace_back(log, buckets);
+    detail::forEachAtOnce(logs.size(), [&](std::size_t i) { logs[i].readRows(); });
+    for (const OpenLog& log : logs) {
         if (data["robot"].is_null()) {
-            data["robot"] = {{"name", fs::path(arm.robot).filename().string()}, {"joints", describeJoints(reader)}};
+            data["robot"] = {{"name", fs::path(arm.robot).filename().string()}, {"joints", describeJoints(log.reader)}};
             data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
         }
-        json& one = data["cases"].emplace_back(describeCase(log, reader, summary, block));
-        for (const LogAttachment& attachment : reader.attachments()) {
+        json& one = data["cases"].emplace_back(describeCase(log, summary, block));
+        for (const LogAttachment& attachment : log.reader.attachments()) {
             if (attachment.name != "experiment.yaml") continue;
             yaml.push_back(attachment.data);
             if (one.contains("clearance"))
-                one["clearance"]["environment"] = environments.add(reader, attachment.data, arm.robot, block);
+                one["clearance"]["environment"] = environments.add(log.reader, attachment.data, arm.robot, block);
         }
     }
     data["summary"] = describeTable(summary, arm.logs, data["robot"].is_null() ? json() : data["robot"]["joints"]);
@@ -887,7 +910,7 @@ fs::path nameVerificationFile(const fs::path& log) {
     return log.parent_path() / (getCase(log) + ".verify.json");
 }
 
-std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFile) {
+std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFile, bool isFull) {
     std::error_code failed;
     if (!fs::is_directory(folder, failed))
         throw badInput(folder.string(), "there is no such folder", "Name the folder of a run.");
@@ -902,7 +925,7 @@ std::vector<fs::path> writeReport(const fs::path& folder, const fs::path& pageFi
         for (const Arm& arm : groupByArm(logs)) {
             const std::string name =
                 reports.empty() ? "report.html" : "report_" + std::to_string(reports.size() + 1) + ".html";
-            reports.push_back(composeReport(run, name, page, arm, summary));
+            reports.push_back(composeReport(run, name, page, arm, summary, isFull ? kFullBuckets : kShownBuckets));
         }
         return reports;
     } catch (const json::exception&) {

@@ -18,7 +18,7 @@ void halve(std::vector<T>& values, Join join) {
 
 void Tracks::add(const std::vector<double>& values) {
     const bool begins = rowsInLast_ == 0;
-    if (begins && buckets() == kMaxBuckets) {
+    if (begins && buckets() == most_) {
         // fmin and fmax take the number where the other is none.
         for (auto& track : least_) halve(track, [](float a, float b) { return std::fmin(a, b); });
         for (auto& track : largest_) halve(track, [](float a, float b) { return std::fmax(a, b); });
@@ -43,7 +43,7 @@ void CodeTracks::add(const std::vector<std::uint16_t>& values) {
         return join_ == Join::Union ? static_cast<std::uint16_t>(a | b) : std::max(a, b);
     };
     const bool begins = rowsInLast_ == 0;
-    if (begins && !codes_.empty() && codes_.front().size() == Tracks::kMaxBuckets) {
+    if (begins && !codes_.empty() && codes_.front().size() == most_) {
         for (auto& codes : codes_) halve(codes, join);
         rowsPerBucket_ *= 2;
     }

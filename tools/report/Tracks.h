@@ -9,9 +9,8 @@ namespace viable::detail {
 rows. When there are too many buckets, neighbours are joined, so that any number of rows fits and no peak is lost. */
 class Tracks {
 public:
-    static constexpr std::size_t kMaxBuckets = 8000;  ///< even
-
-    explicit Tracks(std::size_t quantities) : least_(quantities), largest_(quantities) {}
+    /** @param most  buckets, even */
+    Tracks(std::size_t quantities, std::size_t most) : most_(most), least_(quantities), largest_(quantities) {}
 
     /** One row; values[quantity]. What is not a number leaves a gap only where nothing else falls into its bucket. */
     void add(const std::vector<double>& values);
@@ -22,6 +21,7 @@ public:
     const std::vector<float>& largest(std::size_t quantity) const { return largest_[quantity]; }
 
 private:
+    std::size_t most_;
     std::vector<std::vector<float>> least_, largest_;
     std::int64_t rowsPerBucket_ = 1, rowsInLast_ = 0;
 };
@@ -31,11 +31,12 @@ Tracks. */
 class CodeTracks {
 public:
     enum class Join { Largest, Union };
-    CodeTracks(std::size_t quantities, Join join) : codes_(quantities), join_(join) {}
+    CodeTracks(std::size_t quantities, Join join, std::size_t most) : most_(most), codes_(quantities), join_(join) {}
     void add(const std::vector<std::uint16_t>& values);
     const std::vector<std::uint16_t>& codes(std::size_t quantity) const { return codes_[quantity]; }
 
 private:
+    std::size_t most_;
     std::vector<std::vector<std::uint16_t>> codes_;
     Join join_;
     std::int64_t rowsPerBucket_ = 1, rowsInLast_ = 0;
