@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/FixedSize.h"
 #include "qp/QpBounds.h"
 
 namespace viable {
@@ -317,7 +318,7 @@ BoxQp::Status BoxQp::solve(const JointMatrix& M, const JointVector& target, cons
     }
     if (finite) {
         const Task task{M, target, lower, upper, side_.data(), rounds_, x};
-        Outcome outcome = n == 6 ? exchangeAll<6>(task) : n == 7 ? exchangeAll<7>(task) : exchangeAll<0>(task);
+        Outcome outcome = detail::withFixedSize(n, [&](auto size) { return exchangeAll<decltype(size)::value>(task); });
         if (outcome == Outcome::Open) outcome = addOneByOne(task);
         if (outcome == Outcome::Optimal) return Status::Solved;
     }

@@ -4,6 +4,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "core/FixedSize.h"
 #include "qp/QpBounds.h"
 
 namespace viable {
@@ -649,9 +650,7 @@ RowQp::Status RowQp::solve(const JointMatrix& M, const JointVector& target, cons
     const auto solveOf = [&](auto size) {
         return solveTask<decltype(size)::value>(task, iterations_, held_.data(), heldCount_, x);
     };
-    const Outcome outcome = n == 6   ? solveOf(std::integral_constant<int, 6>())
-                            : n == 7 ? solveOf(std::integral_constant<int, 7>())
-                                     : solveOf(std::integral_constant<int, 0>());
+    const Outcome outcome = detail::withFixedSize(n, solveOf);
     return outcome == Outcome::Optimal  ? Status::Solved
            : outcome == Outcome::Failed ? Status::Failed
                                         : Status::Infeasible;
