@@ -32,13 +32,28 @@ double readMemory_MB() {
 
 /** The plugin that ended the run; null: none did. */
 const PluginChoice* findCulprit(const CasePlan& plan, const FilterChain* chain, StopReason reason) {
-    using Reason = StopReason;
-    if (reason == Reason::CommandFailed) return &plan.command;
-    if (reason == Reason::ControllerFailed) return &plan.controller;
-    if (reason == Reason::FilterFailed || reason == Reason::FilterEnded || reason == Reason::GuaranteeBroken)
-        return &plan.filters[chain ? chain->answerable() : 0];
-    if (reason == Reason::RobustLoopFailed) return &*plan.robustLoop;
-    return reason == Reason::PlantFailed || reason == Reason::SensorFailed ? &*plan.realPlant : nullptr;
+    switch (reason) {
+        case StopReason::CommandFailed:
+            return &plan.command;
+        case StopReason::ControllerFailed:
+            return &plan.controller;
+        case StopReason::FilterFailed:
+        case StopReason::FilterEnded:
+        case StopReason::GuaranteeBroken:
+            return &plan.filters[chain ? chain->answerable() : 0];
+        case StopReason::RobustLoopFailed:
+            return &*plan.robustLoop;
+        case StopReason::PlantFailed:
+        case StopReason::SensorFailed:
+            return &*plan.realPlant;
+        case StopReason::None:
+        case StopReason::Requested:
+        case StopReason::TicksMissed:
+        case StopReason::TrackingLost:
+        case StopReason::NotFollowing:
+            return nullptr;
+    }
+    return nullptr;
 }
 
 /** True when the guarantee that was broken is that of a filter before the one that is to be named. */

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
-#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -28,7 +27,7 @@ void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& wo
     others.reserve(threads);
     try {
         while (others.size() + 1 < threads) others.emplace_back(run);
-    } catch (const std::system_error&) {  // fewer threads do it, too
+    } catch (const std::exception&) {  // fewer threads do it, too
     }
     run();
     for (std::thread& thread : others) thread.join();

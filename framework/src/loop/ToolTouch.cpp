@@ -82,9 +82,13 @@ void ToolTouch::begin(const Eigen::Vector3d& force) {
 way. */
 void ToolTouch::limitForce(const Eigen::Vector3d& direction, const JointVector& rest, const JointVector& driving) {
     const JointVector pull = dynamics_.J.topRows<3>().transpose() * direction;
-    const JointVector along = pull.cwiseSign().cwiseProduct(driving), lever = pull.cwiseAbs().cwiseMax(kNoLever);
-    most_ = rest.cwiseMin((motor_ + along).cwiseMax(0.0)).cwiseQuotient(lever).minCoeff();
-    mostBack_ = rest.cwiseMin((motor_ - along).cwiseMax(0.0)).cwiseQuotient(lever).minCoeff();
+    const JointVector along = pull.cwiseSign().cwiseProduct(driving), lever = pull.cwiseAbs();
+    const auto findMost = [&](const JointVector& room) {
+        const JointVector force = rest.cwiseMin(room.cwiseMax(0.0)).cwiseQuotient(lever);
+        return (lever.array() > kNoLever).select(force, kInfinity).minCoeff();
+    };
+    most_ = findMost(motor_ + along);
+    mostBack_ = findMost(motor_ - along);
     asked_ = std::min(force_, kRoom * most_);
 }
 

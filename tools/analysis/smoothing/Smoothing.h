@@ -103,7 +103,7 @@ SmoothedMotion smoothMotion(const std::vector<double>& times_s, const std::vecto
 
 /** A motion takes some 900 bytes a reading: so many are smoothed at once, whatever the number of cores. */
 inline std::size_t countSmoothedAtOnce(std::size_t readings) {
-    constexpr std::size_t kMostReadings = 4'000'000;
+    constexpr std::size_t kMostReadings = 2'000'000;
     return std::max<std::size_t>(1, kMostReadings / std::max<std::size_t>(1, readings));
 }
 
