@@ -26,30 +26,28 @@ constexpr int kSlower = 3, kFaster = 6;
 constexpr double kOtherClock = 0.2;
 /** So much of its lateness a sample moves the clock of the sender: it may drift. */
 constexpr double kDrift = 0.1;
-/** A late sample is met no sooner than after so much of a period. */
-constexpr double kShortestBlend = 0.5;
-/** What is extrapolated goes on for so many periods after the newest sample was sent; in so many more it goes back to
-that sample. */
-constexpr double kOverdue = 2.0, kReturn = 15.0;
+/** Half way to where it counts as the next one, a sample may be either: it tells nothing of a change of speed. */
+constexpr double kLate = (1.0 - kEarly) / 2.0;
+/** A moving command is led from where it was when a sample came to where it should be in so much of a period. */
+constexpr double kBlend = 0.5;
+/** What is extrapolated goes on for so many periods after the newest sample was sent, or so long [s]. In so many times
+that it goes back to that sample. */
+constexpr double kOverdue = 2.0, kOverdue_s = 0.2, kReturn = 7.5;
+/** What a motion is like is told by so many samples. */
+constexpr double kMemory = 32.0;
+/** A change of the slope that is so many times the RMS one is a jump. */
+constexpr double kJump = 4.0;
 /** Turns are led the short way round: no farther than this ahead [rad]. */
 constexpr double kFarthestTurn = 1.5;
 
-/** The slope that follows two others, continued as they changed: from none, where they point apart, to twice the smaller
-one (the limits of a monotone interpolation), so that nothing is overshot that has stopped or jumped.
+/** The slope that follows two others, continued as they changed: none after a rest, or where this would turn round. One that
+has just turned round, or jumped, is not changed further; after a jump it is at most twice the older one.
 @param trend  so much of their change follows */
-double calcNext(double newer, double older, double trend) {
-    if (!(newer * older > 0.0)) return 0.0;
-    const double least = std::min(std::abs(newer), std::abs(older));
-    const double next = std::abs(newer) + trend * (std::abs(newer) - std::abs(older));
-    return std::copysign(std::clamp(next, 0.0, 2.0 * least), newer);
-}
-
-/** The same in space. */
-Eigen::Vector3d calcNext(const Eigen::Vector3d& newer, const Eigen::Vector3d& older, double trend) {
-    if (!(newer.dot(older) > 0.0)) return Eigen::Vector3d::Zero();
-    const Eigen::Vector3d next = newer + trend * (newer - older);
-    if (!(next.dot(newer) > 0.0)) return Eigen::Vector3d::Zero();
-    const double most = 2.0 * std::min(newer.norm(), older.norm());
+Eigen::Vector3d calcNext(const Eigen::Vector3d& newer, const Eigen::Vector3d& older, double trend, bool isJump) {
+    const double along = newer.dot(older);
+    const Eigen::Vector3d next = along < 0.0 || isJump ? newer : newer + trend * (newer - older);
+    if (along == 0.0 || (along < 0.0 && isJump) || !(next.dot(newer) > 0.0)) return Eigen::Vector3d::Zero();
+    const double most = 2.0 * (isJump ? std::min(newer.norm(), older.norm()) : newer.norm());
     return next * std::min(1.0, most / next.norm());
 }
 
@@ -57,27 +55,29 @@ Eigen::Vector3d calcTurn(const Pose& from, const Pose& to) {
     return calcRotationVector(to.orientation * from.orientation.conjugate());
 }
 
-/** `seconds` on with its own velocity. */
-void move(MotionCommand& command, double seconds) {
-    command.q += seconds * command.qd;
-    command.tool.position += seconds * command.toolTwist.head<3>();
-    const Eigen::Vector3d turn = seconds * command.toolTwist.tail<3>();
-    command.tool.orientation = calcRotation(turn) * command.tool.orientation;
-}
-
 void stop(MotionCommand& command) {
     command.qd.setZero(command.q.size());
     command.toolTwist.setZero();
 }
 
-/** At `from`, with the velocity that leads to `to` in `seconds`. */
-MotionCommand leadTo(const MotionCommand& from, const MotionCommand& to, double seconds) {
-    MotionCommand way = from;
-    if (way.space == MotionCommand::Space::Joint)
-        way.qd = (to.q - from.q) / seconds;
-    else
-        way.toolTwist << (to.tool.position - from.tool.position) / seconds, calcTurn(from.tool, to.tool) / seconds;
-    return way;
+/** The way of joint i, or of position (0) and orientation (1). */
+Eigen::Vector3d calcWay(const MotionCommand& from, const MotionCommand& to, int i) {
+    if (from.space == MotionCommand::Space::Joint) return {to.q[i] - from.q[i], 0.0, 0.0};
+    return i == 0 ? Eigen::Vector3d(to.tool.position - from.tool.position) : calcTurn(from.tool, to.tool);
+}
+
+/** Goes that way on. @param rate  at which it changes */
+void move(MotionCommand& command, int i, const Eigen::Vector3d& way, const Eigen::Vector3d& rate) {
+    if (command.space == MotionCommand::Space::Joint) {
+        command.q[i] += way[0];
+        command.qd[i] = rate[0];
+    } else if (i == 0) {
+        command.tool.position += way;
+        command.toolTwist.head<3>() = rate;
+    } else {
+        command.tool.orientation = calcRotation(way) * command.tool.orientation;
+        command.toolTwist.tail<3>() = calcAngularVelocity(way, rate);
+    }
 }
 
 }  // namespace
@@ -90,10 +90,8 @@ const char* getName(BetweenSamples between) {
 void CommandReceiver::reset(const MotionCommand& first) {
     newest_ = first;
     stop(newest_);
-    base_ = goal_ = newest_;
-    slope_.setZero(first.q.size());
-    twist_.setZero();
-    received_s_ = sent_s_ = begin_s_ = meets_s_ = stands_s_ = period_s_ = lasted_s_ = 0.0;
+    ways_.fill({});
+    received_s_ = sent_s_ = begin_s_ = blend_s_ = stands_s_ = period_s_ = lasted_s_ = 0.0;
     samples_ = intervalCount_ = 0;
     streak_ = 0;
     streak_s_ = 0.0;
@@ -116,7 +114,7 @@ one that is longer than all the others together is a gap. */
 void CommandReceiver::learnPeriod(double interval_s) {
     if (intervalCount_ > 0 && isOtherSender(interval_s)) intervalCount_ = 0;
     if (intervalCount_ == 0) streak_ = 0;
-    intervals_[intervalCount_++ % kIntervals] = interval_s;
+    intervals_[static_cast<std::size_t>(intervalCount_++ % kIntervals)] = interval_s;
     const auto count = static_cast<std::size_t>(std::min<std::int64_t>(intervalCount_, kIntervals));
     std::array<double, kIntervals> sorted = intervals_;
     std::sort(sorted.data(), sorted.data() + count);
@@ -145,12 +143,17 @@ double CommandReceiver::followClock(double t) {
     learnPeriod(interval);
     if (std::abs(period_s_ - before_s) > kOtherClock * period_s_) {  // the phase of the one before says nothing
         sent_s_ = t;
+        for (Way& way : ways_) way.came = way.expected = 0.0;
         return std::max(1.0, std::round(interval / period_s_)) * period_s_;
     }
     const double periods = std::max(1.0, std::floor((t - sent_s_) / period_s_ + kEarly));
     const double due = sent_s_ + periods * period_s_;
     sent_s_ = std::min(t, due + kDrift * (t - due));
     return periods * period_s_;
+}
+
+int CommandReceiver::countWays() const {
+    return newest_.space == MotionCommand::Space::Joint ? static_cast<int>(newest_.q.size()) : 2;
 }
 
 void CommandReceiver::take(double t, const MotionCommand& received) {
@@ -161,81 +164,71 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
     newest_.tool.orientation.normalize();
     stop(newest_);
     const double lasted_s = followClock(t);
-    base_ = goal_ = newest_;
-    begin_s_ = meets_s_ = stands_s_ = t;
+    begin_s_ = t;
+    blend_s_ = 0.0;
     if (samples_ < 2 || between_ == BetweenSamples::Hold) return;
-    if (between_ == BetweenSamples::Interpolate) {
-        meets_s_ = stands_s_ = t + period_s_;
-        base_ = leadTo(now, goal_, period_s_);
-        return;
-    }
-    findNextVelocity(before, lasted_s);
-    if (period_s_ > kLongestPeriod_s) return stop(goal_);
-    meets_s_ = std::max(sent_s_ + period_s_, t + kShortestBlend * period_s_);
-    stands_s_ = std::max(meets_s_, sent_s_ + kOverdue * period_s_);
-    updateWay(now);
-}
-
-/** The velocity after the last two differences becomes that of goal_. */
-void CommandReceiver::findNextVelocity(const MotionCommand& before, double lasted_s) {
+    const bool goesOn = between_ == BetweenSamples::Extrapolate;
     // A difference is the velocity in the middle of its interval.
-    const double trend = (lasted_s + period_s_) / (lasted_s + lasted_s_);
+    const bool isLate = t - sent_s_ > kLate * period_s_;
+    const double trend = isLate ? 0.0 : (lasted_s + period_s_) / (lasted_s + lasted_s_);
     lasted_s_ = lasted_s;
-    if (newest_.space == MotionCommand::Space::Joint) {
-        for (Eigen::Index i = 0; i < newest_.q.size(); ++i) {
-            const double slope = (newest_.q[i] - before.q[i]) / lasted_s;
-            goal_.qd[i] = calcNext(slope, slope_[i], trend);
-            slope_[i] = slope;
-        }
-        return;
+    blend_s_ = goesOn ? kBlend * period_s_ : period_s_;
+    stands_s_ = std::max(sent_s_ + std::max(kOverdue * period_s_, kOverdue_s), t + blend_s_);
+    for (int i = 0; i < countWays(); ++i) {
+        Way& way = ways_[static_cast<std::size_t>(i)];
+        if (goesOn) predict(way, calcWay(before, newest_, i) / lasted_s, lasted_s, trend);
+        const double turn = way.velocity.norm() * period_s_;
+        if (newest_.space == MotionCommand::Space::Tool && i == 1 && turn > kFarthestTurn)
+            way.velocity *= kFarthestTurn / turn;
+        double rate = 0.0;
+        way.offset = calcWay(newest_, now, i) - calcAhead(way, t, rate) * way.velocity;
+        if (goesOn && way.velocity.isZero(0.0)) way.offset.setZero();  // at rest, or has jumped: taken at once
     }
-    const Eigen::Vector3d velocity = (newest_.tool.position - before.tool.position) / lasted_s;
-    const Eigen::Vector3d rate = calcTurn(before.tool, newest_.tool) / lasted_s;
-    goal_.toolTwist << calcNext(velocity, Eigen::Vector3d(twist_.head<3>()), trend),
-        calcNext(rate, Eigen::Vector3d(twist_.tail<3>()), trend);
-    twist_ << velocity, rate;
 }
 
-/** From `now` to where goal_ is when it is met. What does not move, or has jumped, is taken at once: each joint, the
-position and the orientation by itself. */
-void CommandReceiver::updateWay(const MotionCommand& now) {
-    const double ahead_s = meets_s_ - sent_s_, seconds = meets_s_ - begin_s_;
-    const double turn = goal_.toolTwist.tail<3>().norm() * ahead_s;
-    if (turn > kFarthestTurn) goal_.toolTwist.tail<3>() *= kFarthestTurn / turn;
-    const MotionCommand newest = goal_;
-    move(goal_, ahead_s);
-    base_ = leadTo(now, goal_, seconds);
-    for (Eigen::Index i = 0; i < base_.q.size(); ++i) {
-        if (newest.qd[i] != 0.0) continue;
-        base_.q[i] = newest.q[i];
-        base_.qd[i] = 0.0;
+/** The slope of the next period, and for how long it can be told. Motions are smooth: over a time u their velocities are
+correlated by exp(-(fading u)^2). Over a period, the correlation is the share of the predicted slopes that came. */
+void CommandReceiver::predict(Way& way, const Eigen::Vector3d& slope, double lasted_s, double trend) const {
+    const double next2 = way.next.squaredNorm();
+    if (lasted_s < 1.5 * period_s_) {
+        way.came += (std::clamp(way.next.dot(slope), -2.0 * next2, 2.0 * next2) - way.came) / kMemory;
+        way.expected += (next2 - way.expected) / kMemory;
     }
-    if (newest.toolTwist.head<3>().isZero(0.0)) {
-        base_.tool.position = newest.tool.position;
-        base_.toolTwist.head<3>().setZero();
-    }
-    if (newest.toolTwist.tail<3>().isZero(0.0) || base_.toolTwist.tail<3>().norm() * seconds > 2.0 * kFarthestTurn) {
-        base_.tool.orientation = goal_.tool.orientation;
-        base_.toolTwist.tail<3>().setZero();
-    }
+    const double correlation = way.expected > 0.0 ? std::clamp(way.came / way.expected, 1e-9, 1.0) : 1.0;
+    way.fading = std::sqrt(-std::log(correlation)) / period_s_;
+    const double change2 = (slope - way.slope).squaredNorm();
+    way.next = calcNext(slope, way.slope, trend, change2 > kJump * kJump * way.change2);
+    way.change2 += (change2 - way.change2) / kMemory;
+    way.slope = slope;
+    way.velocity = period_s_ > kLongestPeriod_s ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : way.next;
+}
+
+/** How far the command is ahead of the newest sample, in seconds at the way's velocity. `rate`: the share of that velocity
+which is left. The correlation counts from the middle of the last interval. */
+double CommandReceiver::calcAhead(const Way& way, double t, double& rate) const {
+    const double seconds = std::min(t, stands_s_) - sent_s_, begin = way.fading * period_s_ / 2.0;
+    const double end = begin + way.fading * seconds;
+    rate = std::exp(-end * end);
+    const double ahead = end - begin > 1e-6
+                             ? seconds * std::sqrt(kPi) / 2.0 * (std::erf(end) - std::erf(begin)) / (end - begin)
+                             : rate * seconds;
+    if (t < stands_s_) return ahead;
+    const double back_s = kReturn * (stands_s_ - sent_s_), left = std::max(0.0, 1.0 - (t - stands_s_) / back_s);
+    rate = left > 0.0 ? -ahead / back_s : 0.0;
+    return left * ahead;
 }
 
 void CommandReceiver::calc(double t, MotionCommand& command) const {
-    if (t < meets_s_) {
-        command = base_;
-        move(command, t - begin_s_);
-        return;
-    }
-    command = goal_;
-    move(command, std::min(t, stands_s_) - meets_s_);
-    if (t < stands_s_) return;
-    const double back_s = kReturn * period_s_;
-    stop(command);
-    if (t < stands_s_ + back_s && stands_s_ > begin_s_) {
-        command = leadTo(command, newest_, back_s);
-        move(command, t - stands_s_);
-    } else {
-        command = newest_;
+    command = newest_;
+    if (!(blend_s_ > 0.0)) return;
+    const double left = std::max(0.0, 1.0 - (t - begin_s_) / blend_s_);
+    for (int i = 0; i < countWays(); ++i) {
+        const Way& way = ways_[static_cast<std::size_t>(i)];
+        double rate = 0.0;
+        const double ahead = calcAhead(way, t, rate);
+        const Eigen::Vector3d leaves =
+            left > 0.0 ? Eigen::Vector3d(way.offset / blend_s_) : Eigen::Vector3d(Eigen::Vector3d::Zero());
+        move(command, i, ahead * way.velocity + left * way.offset, rate * way.velocity - leaves);
     }
 }
 

@@ -12,11 +12,11 @@ all.
 Time is that of receipt; stamps of the sender are not needed. The sender's period is learnt from the last 16 intervals,
 and its phase from the earliest receipts. So the speed is right for a sample that is late by less than three quarters of
 a period. It is also right after lost samples (up to a third of all). Bursts of more than six samples count as a faster
-sender. The extrapolation continues the change of the last two differences, by a slope limiter. So a joint, the tool's
-position or its orientation is not overshot when it stops, turns round or jumps. Two periods after the last sample it
-goes back to that sample, slowly, within 15 more. Samples that come more seldom than four times a second are held. Turns
-must stay below half a turn from sample to sample. Nothing is differentiated twice; no velocity that a sample brings
-along is used.
+sender. The extrapolation continues the change of the last two differences, unless it is far larger than usual: a jump. So
+a joint, the tool's position or its orientation is not overshot when it stops, turns round or jumps. The velocity fades as
+fast as earlier predictions failed. After two periods or 0.2 s without a sample, the command goes back to the last one,
+slowly, in 7.5 times as long. Samples that come more seldom than four times a second are held. Turns must stay below half
+a turn from sample to sample. Nothing is differentiated twice; no velocity that a sample brings along is used.
 Real time: no allocation, lock or throw. */
 class CommandReceiver {
 public:
@@ -34,11 +34,24 @@ public:
 private:
     static constexpr int kIntervals = 16;
 
+    /** What moves by itself: a joint, the tool's position or its orientation. It is seen from the newest sample. */
+    struct Way {
+        using Vector = Eigen::Vector3d;     // joints: the first is theirs
+        Vector slope = Vector::Zero();      // between the last two samples
+        Vector next = Vector::Zero();       // what should follow
+        Vector velocity = Vector::Zero();   // with which the command goes on
+        Vector offset = Vector::Zero();     // of the command from there, when the sample came
+        double change2 = 0.0;               // mean square of the slope's changes
+        double came = 0.0, expected = 0.0;  // means: `next` times what came, its square
+        double fading = 0.0;                // [1/s]
+    };
+
     double followClock(double t);
     bool isOtherSender(double interval_s);
     void learnPeriod(double interval_s);
-    void findNextVelocity(const MotionCommand& before, double lasted_s);
-    void updateWay(const MotionCommand& now);
+    void predict(Way& way, const Eigen::Vector3d& slope, double lasted_s, double trend) const;
+    double calcAhead(const Way& way, double t, double& rate) const;
+    int countWays() const;
 
     BetweenSamples between_;
     MotionCommand newest_;     // sample, at rest
@@ -51,11 +64,8 @@ private:
     double streak_s_ = 0.0;                       // the last of them
     double period_s_ = 0.0;                       // learnt
     double lasted_s_ = 0.0;                       // the sample before the newest
-    MotionCommand base_;                          // at begin_s_, with the velocity that leads to ...
-    MotionCommand goal_;                          // ... at meets_s_, with its velocity until stands_s_
-    double begin_s_ = 0.0, meets_s_ = 0.0, stands_s_ = 0.0;
-    JointVector slope_;                // between the last two samples: joints
-    Vector6 twist_ = Vector6::Zero();  // the tool's
+    std::array<Way, kMaxJoints> ways_;
+    double begin_s_ = 0.0, blend_s_ = 0.0, stands_s_ = 0.0;  // offsets: from when on, how long; velocities: until when
 };
 
 }  // namespace viable

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <random>
 
+#include "core/MinimumJerk.h"
 #include "core/RotationVector.h"
 #include "viable/testing/AllocationCounter.h"
 
@@ -116,6 +117,50 @@ TEST(CommandReceiver, AfterSilenceTheCommandIsTheLastSample) {
     EXPECT_LT(back.qd[0], 0.0);
     EXPECT_EQ(calc(receiver, 9.0).q[0], 2.0);
     EXPECT_EQ(calc(receiver, 9.0).qd[0], 0.0);
+}
+
+TEST(CommandReceiver, AGapIsBridgedForAFifthOfASecond) {
+    Receiver receiver;
+    for (int k = 0; k <= 200; ++k) receiver.take(0.01 * k, at(0.01 * k));
+    EXPECT_NEAR(calc(receiver, 2.19).q[0], 2.19, 1e-9);
+    EXPECT_LT(calc(receiver, 2.4).q[0], 2.2);
+    EXPECT_NEAR(calc(receiver, 2.4).qd[0], -1.0 / 7.5, 1e-9);
+    EXPECT_EQ(calc(receiver, 3.8).q[0], 2.0);
+}
+
+/** RMS distance to a hand that reaches to and fro in `reach_s` with pauses, 10 samples a second. */
+double calcDistance(BetweenSamples between, double reach_s) {
+    Receiver receiver(between);
+    const auto hand = [&](double t) {
+        const double s = std::fmod(t, 2.2 * reach_s) / reach_s;
+        const double way = calcMinimumJerk(s < 1.1 ? s : s - 1.1).value;
+        return s < 1.1 ? way : 1.0 - way;
+    };
+    double sum = 0.0;
+    for (int k = 0; k < 30000; ++k) {
+        if (k % 100 == 0) receiver.take(0.001 * k, at(hand(0.001 * k)));
+        sum += std::pow(calc(receiver, 0.001 * k).q[0] - hand(0.001 * k), 2);
+    }
+    return std::sqrt(sum / 30000);
+}
+
+TEST(CommandReceiver, AHandThatStartsAndStopsIsNearerThanHeld) {
+    for (const auto& [reach_s, share] : {std::pair(0.47, 0.6), std::pair(0.63, 0.4), std::pair(1.03, 0.25)})
+        EXPECT_LT(calcDistance(BetweenSamples::Extrapolate, reach_s),
+                  share * calcDistance(BetweenSamples::Hold, reach_s))
+            << reach_s;
+}
+
+TEST(CommandReceiver, WhatCannotBeToldIsHeld) {
+    std::mt19937_64 random(3);
+    Receiver receiver;
+    double sum = 0.0;
+    for (int k = 0; k < 1000; ++k) {
+        const double q = std::uniform_real_distribution<double>(-1.0, 1.0)(random);
+        receiver.take(0.1 * k, at(q));
+        if (k >= 100) sum += std::pow(calc(receiver, 0.1 * k + 0.099).q[0] - q, 2);
+    }
+    EXPECT_LT(std::sqrt(sum / 900), 0.05);
 }
 
 TEST(CommandReceiver, SetPointsAreNotExtrapolated) {
