@@ -34,8 +34,9 @@ TEST(Program, RunWritesLogsAndSummaryAndPrintsATable) {
     const std::string out = folder / "run";
     const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", out});
     ASSERT_EQ(o.code, 0) << o.err;
-    expectContains(
-        o.out, {"one joint", "its command", "\nA the arm was ", "\nB nominal arm: limits broken", "best first", out});
+    expectContains(o.out, {"one joint", "from command", "\nA controller joint_pd, filter tosbp: the arm was ",
+                           "\nB controller joint_pd, filter acceleration_viability: nominal arm: limits broken",
+                           "best first", out});
     std::istringstream lines(o.out);
     for (std::string line; std::getline(lines, line);)
         EXPECT_LE(line.size(), 100 + (line.find(out) == std::string::npos ? 0 : out.size())) << line;

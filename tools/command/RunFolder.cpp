@@ -108,15 +108,19 @@ fs::path makeRunFolder(const std::string& wanted, const fs::path& experiment) {
     throw Error(ErrorKind::LogNotWritten, "runs", "too many runs in one second");
 }
 
-/** The case's name, in colour on a terminal, and its sentence. */
+/** The case's name, in colour on a terminal, what it is and its sentence. */
 static void tellSentence(const CaseResult& result, std::size_t width) {
     const CaseSentence sentence = tellCase(result);
+    std::string text = "controller " + result.controller + ", filter " + result.filter;
+    if (!result.realPlant.empty())
+        text += result.robustLoop.empty() ? ", no robust loop" : ", robust loop " + result.robustLoop;
+    text += ": " + sentence.text;
     const char* const colors[] = {"\033[32m", "\033[33m", "\033[31m", "\033[31m"};  // by gravity
     const bool isColored = hasColor(STDOUT_FILENO);
     const std::size_t begin = std::max(width, result.name.size()) + 1;
     std::printf("%s%s%s%*s%s\n", isColored ? colors[static_cast<int>(sentence.gravity)] : "", result.name.c_str(),
                 isColored ? "\033[0m" : "", static_cast<int>(begin - result.name.size()), "",
-                detail::wrap(sentence.text, width + 1, begin).c_str());
+                detail::wrap(text, width + 1, begin).c_str());
 }
 
 static void tellResult(const CaseResult& result, bool inFull, std::size_t width) {

@@ -209,9 +209,9 @@ std::string formatRealExcesses(const Summary& s, const std::vector<LimitRecord>&
 std::string formatRealVerdict(const CaseResult& r) {
     if (!r.summary.hasRealPlant()) return "";
     const std::string passed = formatRealExcesses(r.summary, &Summary::realLimit);
-    if (!r.holdsOnReal) return passed.empty() ? "" : "; the real arm passed limits: " + passed;
+    if (!r.holdsOnReal) return passed.empty() ? "" : "; the real arm exceeded limits: " + passed;
     return (passed.empty() ? "; the real arm kept its position and velocity limits"
-                           : "; the real arm passed its limits: " + passed) +
+                           : "; the real arm exceeded its limits: " + passed) +
            (r.guarantees.hasJoints() ? " (guaranteed as long as the disturbances are within their set; of its "
                                        "acceleration and jerk nothing is)"
                                      : " (of which the filter guarantees nothing)");
@@ -612,18 +612,18 @@ std::string formatComparison(const std::vector<CaseResult>& results) {
                    [&](const CaseResult& r) { return r.summary.hasRealPlant() ? tell(r) : std::string(); });
     };
     add("", "case", [](const CaseResult& r) { return detail::shorten(r.name, kLongestName); });
-    add("nominal, from", "its command", [](const CaseResult& r) { return formatCommandError(r.summary, false); });
-    addOfReal("real, from", "its command", [](const CaseResult& r) { return formatCommandError(r.summary, true); });
+    add("nominal arm", "from command", [](const CaseResult& r) { return formatCommandError(r.summary, false); });
+    addOfReal("real arm", "from command", [](const CaseResult& r) { return formatCommandError(r.summary, true); });
     add("nominal", "limits", [](const CaseResult& r) { return hasKeptLimits(r, false) ? "kept" : "BROKEN"; });
-    const bool hasReal = addOfReal("real off", "nominal by", [](const CaseResult& r) {
+    const bool hasReal = addOfReal("real from", "nominal, max", [](const CaseResult& r) {
         return formatThousandths(r.summary, r.summary.trackingMax());
     });
     addOfReal("real", "limits",
-              [](const CaseResult& r) { return std::string(hasKeptLimits(r, true) ? "kept" : "passed"); });
+              [](const CaseResult& r) { return std::string(hasKeptLimits(r, true) ? "kept" : "EXCEEDED"); });
     add("STOPPED", "at",
         [](const CaseResult& r) { return r.stopReason == StopReason::None ? "" : format("%.3f s", r.stopTime_s); });
-    std::string legend = "nominal: the ideal arm, which the filter moves. from its command: RMS. ";
-    if (hasReal) legend += "off by: the largest of a joint. ";
+    std::string legend = "nominal arm: the ideal one, which the filter moves. from command: RMS. ";
+    if (hasReal) legend += "max: the largest of a joint. ";
     for (const LimitKind kind : listCounted(results)) {
         const LimitRow& row = getLimitRow(kind);
         if (row.heading == "-") continue;
@@ -684,7 +684,7 @@ CaseSentence tellCase(const CaseResult& r) {
             text += "stayed within " + formatThousandths(s, s.trackingMax()) + " of the nominal one " +
                     (passed.empty() ? "and " : "but ");
         add(passed.empty() ? Gravity::Good : Gravity::Doubtful,
-            text + (passed.empty() ? "kept its limits" : "passed limits: " + passed));
+            text + (passed.empty() ? "kept its limits" : "exceeded limits: " + passed));
     }
     if (r.live)
         add(r.live->missed > 0 ? Gravity::Doubtful : Gravity::Good,
@@ -713,7 +713,7 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     const auto rank = [&](const CaseResult* r) {
         const Summary& s = r->summary;
         const double tool = s.realTool().errorRms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
-        return std::make_tuple(rankLimits(*r, ranking), !followsNominal(findProblems(*r)),
+        return std::make_tuple(!followsNominal(findProblems(*r)), rankLimits(*r, ranking),
                                s.ticksWith(FilterStatus::Infeasible),
                                rankError(!std::isnan(tool)     ? tool
                                          : !std::isnan(joints) ? joints
@@ -724,9 +724,9 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     std::stable_sort(order.begin(), order.end(), [&](const auto* a, const auto* b) { return rank(a) < rank(b); });
     std::string text;
     for (const CaseResult* r : order) addItem(text, r->name);
-    return "best first (limits of the nominal arm kept, " +
-           std::string(results.front().summary.hasRealPlant() ? "the real arm follows it, " : "") +
-           "a choice in every tick, then nearest to the command): " + text;
+    return "best first (" +
+           std::string(results.front().summary.hasRealPlant() ? "the real arm follows the nominal one, " : "") +
+           "the nominal arm's limits kept, an admissible choice in every tick, then nearest to the command): " + text;
 }
 
 std::string formatRanking(const std::vector<CaseResult>& results) {
