@@ -1,6 +1,5 @@
 // `viable doctor`: what it tells root and an ordinary user, and its codes.
 
-#include <cstdint>
 #include <nlohmann/json.hpp>
 
 #include "ExpectContains.h"

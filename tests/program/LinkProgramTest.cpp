@@ -1,5 +1,4 @@
 // `viable robot` and `viable run` with the plant `link`, each in a process of its own; faults 83, 84 and 86.
-#include <fcntl.h>
 
 #include <nlohmann/json.hpp>
 

@@ -1,9 +1,6 @@
 // `viable live` and `viable run LOG --again`.
-#include <arpa/inet.h>
 #include <fcntl.h>
-#include <netinet/in.h>
 #include <sys/ioctl.h>
-#include <sys/socket.h>
 
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -11,7 +8,6 @@
 #include "../tools/page/TlsClient.h"
 #include "ExpectContains.h"
 #include "RobotProcess.h"
-#include "records/LogReader.h"
 
 namespace viable::test {
 namespace {

@@ -3,7 +3,6 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <functional>
 #include <sstream>
 
 #include "Paths.h"

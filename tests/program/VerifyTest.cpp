@@ -6,7 +6,6 @@
 #include <random>
 
 #include "Program.h"
-#include "records/LogReader.h"
 
 // `viable verify` and `viable identify` from outside: exit codes, words, files, and what they say against what a
 // simulation knows.

@@ -5,7 +5,6 @@
 #include <csignal>
 
 #include "LogTestSupport.h"
-#include "log/LogFields.h"
 #include "records/McapFile.h"
 
 namespace viable::test {

@@ -3,7 +3,6 @@
 #include "records/WorkShare.h"
 
 #include <cmath>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 

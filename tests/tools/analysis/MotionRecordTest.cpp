@@ -2,8 +2,6 @@
 
 #include <zlib.h>
 
-#include <functional>
-
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 

@@ -1,10 +1,5 @@
-#include <cstdlib>
-#include <ctime>
-#include <fstream>
 #include <random>
 
-#include "Complaint.h"
-#include "ExpectContains.h"
 #include "Paths.h"
 #include "RobotFolder.h"
 #include "core/Text.h"

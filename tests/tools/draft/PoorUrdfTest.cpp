@@ -1,6 +1,5 @@
 #include <chrono>
 
-#include "ExpectContains.h"
 #include "RobotFolder.h"
 #include "core/Text.h"
 #include "draft/RobotDraft.h"

@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 
 namespace viable::test {
 namespace {

@@ -2,7 +2,6 @@
 // cause that is true.
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 
 namespace viable::test {
 namespace {
