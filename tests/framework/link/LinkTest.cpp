@@ -718,9 +718,7 @@ void exchangeOver(const std::string& address) {
         state.q[0] = k;
         vl_robot_send(&robot, &robotEnd.line, &state);
         const vl_state heard = hear(host, hostEnd, k > 2 ? 1'000'000'000 : 0);
-        if (k > 2) {
-            EXPECT_EQ(heard.q[0], k);
-        }
+        if (k > 2) EXPECT_EQ(heard.q[0], k);
         wanted[0] = k;
         const std::size_t size = vl_host_command(&host, k > 10 ? VL_TORQUE : VL_HOLD, wanted, 3, bytes);
         EXPECT_EQ(vl_line_send(&hostEnd.line, bytes, size), 0);
@@ -959,9 +957,7 @@ TEST(LinkLine, AFloodOfStrangersTakesNoTimeFromARobotThatHasAHost) {
             const std::uint64_t foreign = robot.counts[VL_OTHER_SESSION];
             vl_robot_poll(&robot, &robotLine);
             EXPECT_LE(robot.counts[VL_OTHER_SESSION] - foreign, std::uint64_t(VL_MOST_PACKETS));
-            if (k > 12) {
-                EXPECT_EQ(robot.counts[VL_OTHER_SESSION], foreign);
-            }
+            if (k > 12) EXPECT_EQ(robot.counts[VL_OTHER_SESSION], foreign);
             if (vl_robot_tick(&robot, torque) == VL_TORQUE) {
                 EXPECT_EQ(torque[0], k - 1);
             } else {

@@ -75,9 +75,8 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
 
     const std::vector<TickRecord> back = readAll(reader);
     ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i) {
+    for (std::size_t i = 0; i < back.size(); ++i)
         ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
-    }
     TickRecord none;
     EXPECT_FALSE(reader.read(none));
 }
@@ -116,9 +115,8 @@ TEST_F(LogTest, ChunksStayNearOneMebibyteAtAnyTick) {
     const LogLayout layout = makeLayout(16, Space::Joint, true);
     const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 3000, 1e-6, 5));
     ASSERT_GT(log.writes.size(), 4u);
-    for (std::size_t i = 1; i + 1 < log.writes.size(); ++i) {
+    for (std::size_t i = 1; i + 1 < log.writes.size(); ++i)
         EXPECT_LT(getU64(log.bytes, log.writes[i] + 9 + 16), kLargestChunk + 8192);
-    }
 }
 
 // A second, deliberately plain way to write MCAP and CDR: no chunks, no checksums, no index.
@@ -342,18 +340,16 @@ TEST_F(LogTest, Fault73_CutOffAnywhereGivesEveryWholeChunk) {
             continue;
         }
         std::size_t expected = 0;
-        for (const auto& [end, rows] : rowsAfter) {
+        for (const auto& [end, rows] : rowsAfter)
             if (end <= place) expected = rows;
-        }
         LogReader reader(path("cut.mcap"));
         EXPECT_FALSE(reader.isComplete());
         EXPECT_EQ(reader.layout().jointNames, layout.jointNames);
         EXPECT_EQ(reader.attachments().size(), 1u);
         const std::vector<TickRecord> back = readAll(reader);
         ASSERT_EQ(back.size(), expected);
-        for (std::size_t i = 0; i < back.size(); ++i) {
+        for (std::size_t i = 0; i < back.size(); ++i)
             ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
-        }
     }
 }
 
@@ -392,9 +388,7 @@ TEST_F(LogTest, Fault73_KilledProgramLosesAtMostOneChunk) {
         const auto rows = static_cast<std::int64_t>(back.size());
         EXPECT_LE(rows, appended->load() + 1);
         EXPECT_GE(rows, appended->load() - 101);
-        if (rows > 0) {
-            EXPECT_EQ(back.back().time_s, static_cast<double>(rows - 1) * 0.001);
-        }
+        if (rows > 0) EXPECT_EQ(back.back().time_s, static_cast<double>(rows - 1) * 0.001);
     }
     ::munmap(shared, sizeof(std::atomic<std::int64_t>));
 }
@@ -426,9 +420,7 @@ TEST_F(LogTest, FlippedBitIsNoticed) {
             ++noticed;
             EXPECT_EQ(e.kind(), ErrorKind::BadInput);
             EXPECT_TRUE(contains(e.what(), "flipped.mcap")) << e.what();
-            if (place >= 8) {
-                EXPECT_TRUE(contains(e.what(), ": byte ")) << e.what();
-            }
+            if (place >= 8) EXPECT_TRUE(contains(e.what(), ": byte ")) << e.what();
         }
     }
     EXPECT_GT(noticed, 500);

@@ -56,9 +56,8 @@ TEST_F(RecorderTest, ASlowWriterLosesNothing) {
     LogReader reader(path("run.mcap"));
     const std::vector<TickRecord> back = readAll(reader);
     ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i) {
+    for (std::size_t i = 0; i < back.size(); ++i)
         ASSERT_EQ(getBits(back[i], layout_), getBits(records[i], layout_)) << "row " << i;
-    }
     EXPECT_EQ(recorder.finish().rows, records.size());  // again: the same
 }
 
