@@ -125,26 +125,14 @@ public:
 private:
     double number() {
         using Limits = std::numeric_limits<double>;
-        switch (random_() % 12) {
-            case 0:
-                return Limits::infinity();
-            case 1:
-                return -Limits::infinity();
-            case 2:
-                return -0.0;
-            case 3:
-                return Limits::denorm_min();
-            case 4:
-                return Limits::max();
-            case 5:
-                return Limits::quiet_NaN();
-            default: {
-                const std::uint64_t bits = random_();
-                double v;
-                std::memcpy(&v, &bits, sizeof(v));
-                return std::isnan(v) ? 0.1 : v;
-            }
-        }
+        const double odd[] = {Limits::infinity(),   -Limits::infinity(), -0.0,
+                              Limits::denorm_min(), Limits::max(),       Limits::quiet_NaN()};
+        const auto kind = random_() % 12;
+        if (kind < std::size(odd)) return odd[kind];
+        const std::uint64_t bits = random_();
+        double v;
+        std::memcpy(&v, &bits, sizeof(v));
+        return std::isnan(v) ? 0.1 : v;
     }
     JointVector joints() {
         JointVector v(static_cast<Eigen::Index>(layout_.jointNames.size()));

@@ -578,18 +578,13 @@ TEST(Fault83, AHundredThousandMutatedPacketsChangeNothing) {
             const bool isCommand = k % 2;
             Packet packet = isCommand ? command : nextState;
             const Packet original = packet;
-            switch (random() % 4) {
-                case 0:
-                    packet.resize(random() % packet.size());
-                    break;
-                case 1:
-                    packet.resize(random() % (VL_MAX_PACKET + 2));
-                    for (std::uint8_t& byte : packet) byte = static_cast<std::uint8_t>(random());
-                    break;
-                default:
-                    for (std::uint64_t changes = 1 + random() % 8; changes > 0; --changes)
-                        packet[random() % packet.size()] = static_cast<std::uint8_t>(random());
-            }
+            const auto kind = random() % 4;
+            if (kind == 0) packet.resize(random() % packet.size());
+            if (kind == 1) packet.resize(random() % (VL_MAX_PACKET + 2));
+            if (kind == 1)
+                for (std::uint8_t& byte : packet) byte = static_cast<std::uint8_t>(random());
+            for (std::uint64_t changes = kind > 1 ? 1 + random() % 8 : 0; changes > 0; --changes)
+                packet[random() % packet.size()] = static_cast<std::uint8_t>(random());
             if (packet == original) continue;
             ASSERT_NE(isCommand ? pair.give(packet) : pair.take(packet), VL_GOOD) << k;
         }
