@@ -25,12 +25,11 @@ protected:
 /** Appends like a simulation does: tries again until the row is taken. */
 int appendAll(Recorder& recorder, const std::vector<TickRecord>& records) {
     int retries = 0;
-    for (const TickRecord& record : records) {
+    for (const TickRecord& record : records)
         while (!recorder.append(record)) {
             ++retries;
             std::this_thread::yield();
         }
-    }
     return retries;
 }
 

@@ -214,7 +214,7 @@ TEST_P(RobotModelTest, Fault49_ATickAllocatesNothing) {
 }
 
 TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) {
-    for (const double bad : {kNan, kInfinity}) {
+    for (const double bad : {kNan, kInfinity})
         for (int joint = 0; joint < n_; ++joint) {
             const JointVector zero = JointVector::Zero(n_);
             JointVector wrong = zero;
@@ -228,7 +228,6 @@ TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) 
             EXPECT_TRUE(d.b.hasNaN());
             EXPECT_TRUE(isFinite(calc(zero, zero), n_)) << "the next call is unharmed";
         }
-    }
     Dynamics d;
     EXPECT_NO_THROW(model_.calcDynamics(JointVector::Constant(n_, 1e300), JointVector::Constant(n_, -1e300), d));
 }

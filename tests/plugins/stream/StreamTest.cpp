@@ -436,10 +436,9 @@ TEST_F(StreamTest, TheDescriptionTellsProgramsHowToSend) {
 
 TEST(Stream, ANameMustBeOne) {
     const CommandBench bench;
-    for (const char* name : {"../x", "a b", "\"\"", "a/b"}) {
+    for (const char* name : {"../x", "a b", "\"\"", "a/b"})
         expectContains(bench.findComplaint<Stream>(std::string("name: ") + name),
                        {"is no name of a socket", "Write 1 to 40 letters, digits, - or _"});
-    }
 }
 
 TEST(Stream, AFolderThatOthersCanEnterIsRefused) {

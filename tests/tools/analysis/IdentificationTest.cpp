@@ -472,10 +472,9 @@ TEST_F(ActuationFileTest, TakesAnyLayout) {
         EXPECT_EQ(layout.find("# about gears") == std::string::npos,
                   text_.find("\n\n# about gears\n") == std::string::npos)
             << text_;
-        if (layout == windows) {
+        if (layout == windows)
             for (std::size_t at = 0; (at = text_.find('\n', at)) != std::string::npos; ++at)
                 EXPECT_EQ(text_[at - 1], '\r');
-        }
     }
 }
 
