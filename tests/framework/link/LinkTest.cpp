@@ -103,13 +103,9 @@ TEST(Link, PacketsComeOutAsTheyWentIn) {
         ASSERT_EQ(gotSession.host, session.host);
         ASSERT_EQ(gotSession.robot, session.robot);
 
-        vl_command command{};
-        command.sequence = random();
-        command.echo = random();
-        command.mode = static_cast<vl_mode>(random() % 3);
-        command.repeats = static_cast<int>(random() % 65536);
-        command.joints = sent.joints;
-        command.tick_ns = sent.tick_ns;
+        vl_command command{
+            random(),     random(), static_cast<vl_mode>(random() % 3), static_cast<int>(random() % 65536), sent.joints,
+            sent.tick_ns, {}};
         for (int i = 0; i < command.joints; ++i) command.tau[i] = sent.tau[i];
         vl_command gotCommand{};
         const std::size_t commandSize = vl_encode_command(packet, &command, session, &key);
@@ -125,14 +121,7 @@ TEST(Link, PacketsComeOutAsTheyWentIn) {
 
 /** The bytes of a packet are those that the header's comment gives, on any machine. */
 TEST(Link, LayoutIsAsWritten) {
-    vl_command command{};
-    command.sequence = 0x0102030405060708;
-    command.echo = 3;
-    command.mode = VL_TORQUE;
-    command.repeats = 5;
-    command.joints = 1;
-    command.tick_ns = 1000000;
-    command.tau[0] = 1.0;
+    const vl_command command{0x0102030405060708, 3, VL_TORQUE, 5, 1, 1000000, {1.0}};
     std::uint8_t packet[VL_MAX_PACKET];
     const vl_key none{};
     ASSERT_EQ(vl_encode_command(packet, &command, {0x10, 0x20}, &none), 80u);
@@ -347,12 +336,7 @@ TEST(Fault83, NumbersThatNoArmHasAreDroppedAndNoneIsSent) {
         pair.tick();
         EXPECT_EQ(pair.take(pair.makeState()), VL_GOOD);
         Packet command(VL_MAX_PACKET);
-        vl_command made{};
-        made.sequence = pair.host.sent + 1;
-        made.echo = pair.robot.tick;
-        made.mode = VL_TORQUE;
-        made.joints = kJoints;
-        made.tick_ns = pair.robot.tick_ns;
+        vl_command made{pair.host.sent + 1, pair.robot.tick, VL_TORQUE, 0, kJoints, pair.robot.tick_ns, {}};
         made.tau[6] = bad;
         command.resize(vl_encode_command(command.data(), &made, pair.host.session, &pair.host.key));
         EXPECT_EQ(pair.give(command), VL_INVALID) << bad;
