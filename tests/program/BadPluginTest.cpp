@@ -38,8 +38,7 @@ struct Fixture {
     const char* isolated;
 };
 
-class BadPlugin : public ::testing::TestWithParam<Fixture> {
-protected:
+struct BadPlugin : ::testing::TestWithParam<Fixture> {
     Outcome run(std::vector<std::string> more) {
         return runWith(folder_, std::string("{plugin: ") + GetParam().plugin + ", after_ticks: 100}", std::move(more));
     }

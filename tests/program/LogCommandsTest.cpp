@@ -12,8 +12,7 @@ namespace fs = std::filesystem;
 
 const char* const kRemedy = ". Choose a folder that exists, may be written to and has room\n";
 
-class LogCommands : public testing::Test {
-protected:
+struct LogCommands : testing::Test {
     static void SetUpTestSuite() {
         const TemporaryFolder folder;
         const Outcome o = run({"run", folder.write("e.yaml", kOneJoint), "--out", folder / "run", "--no-report",

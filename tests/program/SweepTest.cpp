@@ -43,8 +43,7 @@ cases:
       how: ~choice(not, not, not, segfaults, exits, is_killed, hangs, refuses)
 )";
 
-class Sweep : public ::testing::Test {
-protected:
+struct Sweep : ::testing::Test {
     void SetUp() override {
 #ifdef __SANITIZE_THREAD__
         GTEST_SKIP() << "oneTBB is not built with the sanitizer: it would be blamed";

@@ -17,8 +17,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 /** The main experiment's real arm, its readings and its truth. */
-class Verify : public testing::Test {
-protected:
+struct Verify : testing::Test {
     static void SetUpTestSuite() {
         folder_ = std::make_unique<TemporaryFolder>();
         const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set", "duration_s=10",

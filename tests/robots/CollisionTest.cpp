@@ -52,8 +52,7 @@ double calcGap(const LinkCapsule& a, const LinkCapsule& b, const std::vector<Eig
            a.radius - b.radius;
 }
 
-class CollisionFileTest : public ::testing::TestWithParam<std::string> {
-protected:
+struct CollisionFileTest : ::testing::TestWithParam<std::string> {
     RobotDescription robot_ = loadRobot(VIABLE_SOURCE_DIR "/robots/" + GetParam());
     ArmGeometry arm_ = loadArmGeometry(robot_);
 };

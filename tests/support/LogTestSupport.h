@@ -13,8 +13,7 @@
 namespace viable::test {
 
 /** A folder of its own for each test, gone afterwards. */
-class LogTestBase : public ::testing::Test {
-protected:
+struct LogTestBase : ::testing::Test {
     std::filesystem::path path(const std::string& name) const { return folder_ / name; }
     /** The names in it, sorted. */
     std::vector<std::string> listFolder() const { return listNames(folder_); }

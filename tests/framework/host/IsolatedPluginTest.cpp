@@ -90,8 +90,7 @@ TEST(IsolatedPlugin, ACommandSourceAnswersAsItWouldHere) {
     EXPECT_EQ(limits->jerk.upper, vector(1.5));
 }
 
-class Controller : public NominalController {
-public:
+struct Controller : NominalController {
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     ControllerTraits traits() const override { return {true, false}; }
@@ -183,8 +182,7 @@ private:
 };
 using What = Filter::What;
 
-class IsolatedFilterTest : public ::testing::Test {
-protected:
+struct IsolatedFilterTest : ::testing::Test {
     void make(What what) {
         plugin_.reset();  // its watch is used again
         plugin_ = isolate<SafetyFilter, Filter>(what == What::Hang ? kPatience_s : 30.0, what);

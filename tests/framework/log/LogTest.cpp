@@ -159,8 +159,7 @@ private:
 };
 
 /** CDR by its rules: every value at a multiple of its size. */
-class Cdr {
-public:
+struct Cdr {
     std::string bytes;
     Cdr& put(std::uint64_t v, std::size_t size) {
         while (bytes.size() % size != 0) bytes += '\0';

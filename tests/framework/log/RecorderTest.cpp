@@ -17,8 +17,7 @@ using viable::testing::AllocationCounter;
 
 using Space = MotionCommand::Space;
 
-class RecorderTest : public LogTestBase {
-protected:
+struct RecorderTest : LogTestBase {
     const LogLayout layout_ = makeLayout(6, Space::Joint, true);
 };
 
@@ -33,8 +32,7 @@ int appendAll(Recorder& recorder, const std::vector<TickRecord>& records) {
     return retries;
 }
 
-class SlowSink : public MemorySink {
-public:
+struct SlowSink : MemorySink {
     using MemorySink::MemorySink;
     bool write(const void* data, std::size_t size, std::string& error) override {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -256,8 +254,7 @@ TEST_F(RecorderTest, Fault72_AFileSizeLimitBecomesAnErrorOfTheLog) {
     EXPECT_EQ(readAll(reader).size(), status.rows);
 }
 
-class UnclosableSink : public MemorySink {
-public:
+struct UnclosableSink : MemorySink {
     using MemorySink::MemorySink;
     bool close(std::string& error) override {
         error = "Input/output error";

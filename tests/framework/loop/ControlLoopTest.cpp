@@ -119,8 +119,7 @@ TEST(ControlLoop, StopUnderAFilterThatHoldsAccelerationsKeepsItsPositionLimits) 
 }
 
 /** Asks for the acceleration A cos(w t), whose derivative it knows. */
-class KnowingController : public NominalController {
-public:
+struct KnowingController : NominalController {
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     ControllerTraits traits() const override { return {true, true}; }
@@ -178,8 +177,7 @@ private:
 };
 
 /** Adds nothing. */
-class SilentLoop : public RobustLoop {
-public:
+struct SilentLoop : RobustLoop {
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     TickStatus compute(const JointState&, const MotionState&, const JointVector&, JointVector& torque) override {

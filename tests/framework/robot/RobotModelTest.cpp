@@ -11,8 +11,7 @@ namespace {
 using Sample = std::tuple<const char*, DynamicsEngine>;
 
 /** M, b, pose and Jacobian of every kind of arm by both engines against routes that share no formula with them. */
-class RobotModelTest : public SampleArmTest, public ::testing::WithParamInterface<Sample> {
-protected:
+struct RobotModelTest : SampleArmTest, public ::testing::WithParamInterface<Sample> {
     RobotModelTest() : SampleArmTest(loadSampleArm(std::get<0>(GetParam())), 20240607, std::get<1>(GetParam())) {}
 
     RobotModel makeModel(const RobotDescription& robot) const { return {robot, std::get<1>(GetParam())}; }

@@ -26,8 +26,7 @@ double calcOvershootBound(const JointLimits& limits, double tick_s) {
 
 using Bench = LawBench<AccelerationViability>;
 
-class AccelerationViabilityTest : public ::testing::Test {
-protected:
+struct AccelerationViabilityTest : ::testing::Test {
     static constexpr const char* kName = "acceleration_viability";
 
     /** The limits hold and the run was worth looking at. */

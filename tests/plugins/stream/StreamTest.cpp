@@ -99,8 +99,7 @@ private:
 };
 
 /** The plugin with three joints, ticks of 1 ms, and a clock that the test advances with them. */
-class StreamTest : public ::testing::Test {
-protected:
+struct StreamTest : ::testing::Test {
     void begin(const std::string& parameters = "") {
         bench_.configure(stream_, "name: " + name_ + (parameters.empty() ? "" : ", " + parameters));
         stream_.reset(bench_.start);

@@ -392,8 +392,7 @@ TEST(Identification, ReadingsThatAreMissingDoNoHarm) {
 
 // -------------------------------------------------------------------------------- actuation.yaml
 
-class ActuationFileTest : public ::testing::Test {
-protected:
+struct ActuationFileTest : ::testing::Test {
     ActuationFileTest() {
         makeSimpleArm(folder_);
         folder_.actuation =

@@ -10,8 +10,7 @@ namespace {
 
 constexpr double kDegree = kPi / 180.0;
 
-class MotionRecordTest : public LogTestBase {
-protected:
+struct MotionRecordTest : LogTestBase {
     MotionRecord read(const std::string& bytes, const MotionRecordOptions& options = {}) const {
         writeBytes(path("record"), bytes);
         return readMotionRecord(path("record"), options);

@@ -9,8 +9,7 @@ namespace {
 
 using Space = MotionCommand::Space;
 
-class Hdf5ExportTest : public LogTestBase {
-protected:
+struct Hdf5ExportTest : LogTestBase {
     /** run.h5 of a log run.mcap. */
     std::filesystem::path exportRun(const LogOpening& opening, const std::vector<TickRecord>& records) const {
         writeBytes(path("run.mcap"), makeLog(opening, records).bytes);
