@@ -1,3 +1,4 @@
+#include <ctime>
 #include <random>
 
 #include "Paths.h"
