@@ -3,7 +3,6 @@
 #include <chrono>
 #include <csignal>
 
-#include "ExpectContains.h"
 #include "Program.h"
 
 namespace viable::test {

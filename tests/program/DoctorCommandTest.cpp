@@ -2,7 +2,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "ExpectContains.h"
 #include "Program.h"
 
 namespace viable::test {

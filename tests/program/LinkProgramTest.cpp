@@ -2,7 +2,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "ExpectContains.h"
 #include "RobotProcess.h"
 #include "viable/link/viable_link_linux.h"
 

@@ -6,7 +6,6 @@
 #include <thread>
 
 #include "../tools/page/TlsClient.h"
-#include "ExpectContains.h"
 #include "RobotProcess.h"
 
 namespace viable::test {
@@ -54,10 +53,9 @@ TEST(Live, DrivesACaseInRealTimeAndItsLogReplaysToTheBit) {
     EXPECT_GE(live["ticks"], 1700);
     EXPECT_EQ(live["compute"]["count"], live["ticks"]);
     EXPECT_FALSE(live["wake_up"]["buckets_us"].empty());
-    const Outcome again = run({"run", (folder / "run" / "simulated.mcap").string(), "--again"});
-    EXPECT_EQ(again.code, 0) << again.err;
-    expectContains(again.out, {"simulated: replayed " + std::to_string(live["ticks"].get<int>()) + " ticks",
-                               "all equal to the log, to the bit"});
+    expectRun({"run", (folder / "run" / "simulated.mcap").string(), "--again"}, 0,
+              {"simulated: replayed " + std::to_string(live["ticks"].get<int>()) + " ticks",
+               "all equal to the log, to the bit"});
 }
 
 TEST(Live, ASignalBrakesTheArm) {
@@ -347,9 +345,7 @@ TEST(RunAgain, IsForLogsOfAnyRun) {
                            (folder / "run").string()});
     ASSERT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
-    const Outcome notALog = run({"run", kExperiment, "--again"});
-    EXPECT_EQ(notALog.code, 2);
-    expectContains(notALog.err, {"planar_two_link_linked.yaml"});
+    expectRun({"run", kExperiment, "--again"}, 2, {"planar_two_link_linked.yaml"});
 }
 
 }  // namespace

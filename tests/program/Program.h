@@ -5,6 +5,7 @@
 
 #include <sstream>
 
+#include "ExpectContains.h"
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "records/LogReader.h"
@@ -66,6 +67,14 @@ private:
 
 inline Outcome run(std::vector<std::string> arguments, std::function<void()> prepare = {}) {
     return Program(std::move(arguments), std::move(prepare)).wait();
+}
+
+/** A run that ends with this code and says all of this: where it is 0 to its output, else to its errors. */
+inline Outcome expectRun(std::vector<std::string> arguments, int code, const std::vector<std::string>& parts) {
+    Outcome o = run(std::move(arguments));
+    EXPECT_EQ(o.code, code) << o.err;
+    expectContains(code == 0 ? o.out : o.err, parts);
+    return o;
 }
 
 }  // namespace viable::test

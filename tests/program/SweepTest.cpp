@@ -1,5 +1,4 @@
 // `viable sweep` from outside: the same table however it is run, and nothing lost whatever dies (faults 76 and 77).
-#include <gtest/gtest.h>
 #include <signal.h>
 
 #include <nlohmann/json.hpp>

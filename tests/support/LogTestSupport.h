@@ -280,6 +280,14 @@ inline std::vector<TickRecord> readAll(LogReader& reader) {
     return records;
 }
 
+/** The same rows, to the last bit. */
+inline void expectSameRows(const std::vector<TickRecord>& rows, const std::vector<TickRecord>& expected,
+                           const LogLayout& layout) {
+    ASSERT_EQ(rows.size(), expected.size());
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        ASSERT_EQ(getBits(rows[i], layout), getBits(expected[i], layout)) << "row " << i;
+}
+
 /** The text of the Error that `call` throws; its kind is checked, too. */
 template <class Call>
 std::string catchError(ErrorKind kind, const Call& call) {

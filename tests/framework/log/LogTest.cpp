@@ -73,10 +73,7 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(reader.attachments()[0].mediaType, "application/yaml");
     EXPECT_EQ(reader.attachments()[0].data, "schema: 1\nrobot: indy7\n");
 
-    const std::vector<TickRecord> back = readAll(reader);
-    ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i)
-        ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
+    expectSameRows(readAll(reader), records, layout);
     TickRecord none;
     EXPECT_FALSE(reader.read(none));
 }
@@ -210,10 +207,7 @@ TEST_F(LogTest, LimitsAreWrittenWhereTheyChangeAndAtEachChunksStart) {
     }
     EXPECT_EQ(rows, (std::vector<std::uint32_t>{0, 37, 38, 100, 200, 300, 399, 400}));
     LogReader reader(path("run.mcap"));
-    const std::vector<TickRecord> back = readAll(reader);
-    ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i)
-        ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
+    expectSameRows(readAll(reader), records, layout);
 }
 
 TEST_F(LogTest, RowsAfterALostChunkHaveTheirOwnLimits) {
@@ -548,24 +542,11 @@ TEST_F(LogTest, ALogFromBeforeObstaclesOpens) {
     log.channel(1, "/filter", "Filter",
                 "float64[] tau_nm\nstring[] active\nfloat64[] tau_removed_nm\nfloat64[] margin_rad\n"
                 "float64[] stop_s\n");
-    log.message(1, 0,
-                Cdr()
-                    .put(2, 4)
-                    .put(1.0)
-                    .put(2.0)
-                    .put(2, 4)
-                    .put("none")
-                    .put("jerk_upper")
-                    .put(2, 4)
-                    .put(3.0)
-                    .put(4.0)
-                    .put(2, 4)
-                    .put(5.0)
-                    .put(6.0)
-                    .put(2, 4)
-                    .put(7.0)
-                    .put(8.0)
-                    .bytes);
+    Cdr row;
+    row.put(2, 4).put(1.0).put(2.0);
+    row.put(2, 4).put("none").put("jerk_upper");
+    for (const double first : {3.0, 5.0, 7.0}) row.put(2, 4).put(first).put(first + 1.0);
+    log.message(1, 0, row.bytes);
     writeBytes(path("old.mcap"), log.finish());
     LogReader reader(path("old.mcap"));
     EXPECT_TRUE(reader.layout().limits.isEmpty());

@@ -51,10 +51,7 @@ TEST_F(RecorderTest, ASlowWriterLosesNothing) {
     EXPECT_EQ(status.lost, 0u);
     writeBytes(path("run.mcap"), log.bytes);
     LogReader reader(path("run.mcap"));
-    const std::vector<TickRecord> back = readAll(reader);
-    ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i)
-        ASSERT_EQ(getBits(back[i], layout_), getBits(records[i], layout_)) << "row " << i;
+    expectSameRows(readAll(reader), records, layout_);
     EXPECT_EQ(recorder.finish().rows, records.size());  // again: the same
 }
 
