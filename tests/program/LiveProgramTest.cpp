@@ -66,8 +66,7 @@ TEST(Live, ASignalBrakesTheArm) {
         await(program, "running (program)");
         sleepFor(0.8);
         kill(program.pid(), signal);
-        const Outcome o = program.wait();
-        EXPECT_EQ(o.code, 128 + signal) << o.out << o.err;
+        expectOutcome(program.wait(), 128 + signal);
         EXPECT_EQ(listChanges(readLive(folder / name)),
                   (std::vector<std::string>{"running (program)", "stopping (signal)", "stopped (program)"}));
     }
@@ -214,15 +213,13 @@ TEST(LiveLink, BeyondTheFilesDurationUntilASignalTheRobotMissesNothing) {
         await(program, "running (program)");
         sleepFor(2.0);  // more than the file's duration, in the robot's time
         kill(program.pid(), SIGTERM);
-        const Outcome o = program.wait();
-        EXPECT_EQ(o.code, 128 + SIGTERM) << o.out << o.err;
+        expectOutcome(program.wait(), 128 + SIGTERM);
         const json one = json::parse(readFile(folder / name / "summary.json"))["cases"][0];
         EXPECT_EQ(one["live"]["clock"], "plant");
         EXPECT_GT(one["live"]["changes"][1]["time_s"], 0.6);
         expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
         expectNoLapse(robot.end(SIGINT));
-        const Outcome again = run({"run", (folder / name / "linked.mcap").string(), "--again"});
-        EXPECT_EQ(again.code, 0) << again.err;
+        expectRun({"run", (folder / name / "linked.mcap").string(), "--again"}, 0);
     }
 }
 
@@ -230,9 +227,8 @@ TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
     const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--stay"});
     ASSERT_EQ(run(makeLinked(robot, folder / "first", {"--duration", "1.7"})).code, 0);
-    const Outcome refused = run(makeLinked(robot, folder / "second", {"--duration", "0.5"}));
-    EXPECT_EQ(refused.code, 2);
-    expectContains(refused.err, {"does not stand where the file starts", "viable live --from-here"});
+    expectOutcome(run(makeLinked(robot, folder / "second", {"--duration", "0.5"})), 2,
+                  {"does not stand where the file starts", "viable live --from-here"});
     sleepFor(10.0);  // the robot's own hold comes to rest: the robust loop answers what is left of a motion
     const Outcome o = run(makeLinked(robot, folder / "third", {"--duration", "0.5", "--from-here"}));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
@@ -255,8 +251,7 @@ TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
         EXPECT_NEAR(get("nominal." + joint + ".q_rad"), get("real." + joint + ".q_rad"), 5e-4);
         EXPECT_LT(std::abs(get("robust." + joint + ".tau_Nm")), 0.5);
     }
-    const Outcome again = run({"run", log.string(), "--again"});
-    EXPECT_EQ(again.code, 0) << again.err;
+    expectRun({"run", log.string(), "--again"}, 0);
 }
 
 TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
@@ -266,15 +261,12 @@ TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
     await(program, "running (program)");
     sleepFor(0.6);
     robot.end(SIGKILL);
-    const Outcome o = program.wait();
-    EXPECT_EQ(o.code, 4) << o.out << o.err;
-    expectContains(o.err, {"no state has come for"});
+    expectOutcome(program.wait(), 4, {"no state has come for"});
     const json one = json::parse(readFile(folder / "run" / "summary.json"))["cases"][0];
     EXPECT_EQ(listChanges(one["live"]), (std::vector<std::string>{"running (program)", "stopping (fault)",
                                                                   "stopped (fault)"}));  // it did not stop
     expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
-    const Outcome again = run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
-    EXPECT_EQ(again.code, 0) << again.err;
+    expectRun({"run", (folder / "run" / "linked.mcap").string(), "--again"}, 0);
 }
 
 /** A page without a browser. @param address  of the program, with a token or a session behind '#' */

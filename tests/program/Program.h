@@ -69,12 +69,14 @@ inline Outcome run(std::vector<std::string> arguments, std::function<void()> pre
     return Program(std::move(arguments), std::move(prepare)).wait();
 }
 
-/** A run that ends with this code and says all of this: where it is 0 to its output, else to its errors. */
-inline Outcome expectRun(std::vector<std::string> arguments, int code, const std::vector<std::string>& parts) {
-    Outcome o = run(std::move(arguments));
-    EXPECT_EQ(o.code, code) << o.err;
+/** A run that ended with this code and said all of this: where it is 0 to its output, else to its errors. */
+inline Outcome expectOutcome(const Outcome& o, int code, const std::vector<std::string>& parts = {}) {
+    EXPECT_EQ(o.code, code) << o.out << o.err;
     expectContains(code == 0 ? o.out : o.err, parts);
     return o;
+}
+inline Outcome expectRun(std::vector<std::string> arguments, int code, const std::vector<std::string>& parts = {}) {
+    return expectOutcome(run(std::move(arguments)), code, parts);
 }
 
 }  // namespace viable::test
