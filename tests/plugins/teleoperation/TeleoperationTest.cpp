@@ -48,21 +48,22 @@ struct Bench {
             ASSERT_TRUE(command.tool.position.allFinite() && command.q.allFinite());
         }
     }
-    /** The message as it is, and the ticks until the next one. */
-    void send(int ticks = 20) {
+    /** The message as it is, and the ticks until the next one. @return the state then */
+    State send(int ticks = 20) {
         hand.sent_s = now + 1000.0;  // of another clock
         source.feed()->put(hand);
         tick(ticks);
+        return state();
     }
     /** The same, the switch being as this. */
-    void press(unsigned engagement, int ticks = 20) {
+    State press(unsigned engagement, int ticks = 20) {
         hand.engagement = engagement;
-        send(ticks);
+        return send(ticks);
     }
     /** The same, the hand being so much farther along x [m]. */
-    void advance(double way, int ticks = 20) {
+    State advance(double way, int ticks = 20) {
         hand.hand.position.x() += way;
-        send(ticks);
+        return send(ticks);
     }
     /** The loop stands still, the clock does not. */
     void pause(double seconds) { now += seconds; }
@@ -96,8 +97,7 @@ TEST(Teleoperation, EngagingAnywhereMovesNothingAndThenTheToolMovesAsTheHand) {
     Bench bench;
     bench.hand.engagement = 1;
     bench.hand.scale = 0.5;
-    bench.send();
-    EXPECT_EQ(bench.state(), State::Engaged);
+    EXPECT_EQ(bench.send(), State::Engaged);
     expectSamePose(bench.command.tool, bench.startTool);
     const Pose before = bench.hand.hand;
     for (int k = 0; k < 10; ++k) {
@@ -166,8 +166,7 @@ TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengaging
 
     bench.hand.engagement = 2;
     bench.hand.hand.position = {-7.0, 0.0, 2.0};  // somewhere else
-    bench.send();
-    EXPECT_EQ(bench.state(), State::Engaged);
+    EXPECT_EQ(bench.send(), State::Engaged);
     expectSamePose(bench.command.tool, bench.poseOf(rest));
 }
 
@@ -183,8 +182,7 @@ TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
     EXPECT_EQ(bench.state(), State::Held);
     expectSamePose(bench.command.tool, bench.startTool);  // where the arm was seen
     bench.tick(200);
-    bench.advance(0.5, 1);                     // went on meanwhile
-    EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
+    EXPECT_EQ(bench.advance(0.5, 1), State::Engaged);  // went on meanwhile; latched anew
     expectSamePose(bench.command.tool, bench.startTool);
 
     bench.tick(498);
@@ -192,11 +190,9 @@ TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
     bench.tick(4);
     EXPECT_EQ(bench.state(), State::Refused);
     EXPECT_EQ(bench.status().refusal, Refusal::Silent);
-    bench.send();
-    EXPECT_EQ(bench.state(), State::Refused);  // the switch is still the same
+    EXPECT_EQ(bench.send(), State::Refused);  // the switch is still the same
     bench.press(0);
-    bench.press(2);
-    EXPECT_EQ(bench.state(), State::Engaged);
+    EXPECT_EQ(bench.press(2), State::Engaged);
 }
 
 TEST(Teleoperation, Fault62_OldAndRepeatedMessagesAreDropped) {
@@ -245,18 +241,15 @@ TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAne
         bench.advance(0.05);
         const HandMessage good = bench.hand;
         wrong.make(bench.hand);
-        bench.send(1);
-        EXPECT_EQ(bench.state(), State::Refused);
+        EXPECT_EQ(bench.send(1), State::Refused);
         EXPECT_EQ(bench.status().refusal, wrong.refusal);
         expectSamePose(bench.command.tool, bench.startTool);
         hand = good;
         for (int k = 0; k < 5; ++k) bench.send();
         EXPECT_EQ(bench.state(), State::Refused);
         expectSamePose(bench.command.tool, bench.startTool);
-        bench.press(0);
-        EXPECT_EQ(bench.state(), State::Released);
-        bench.press(2);
-        EXPECT_EQ(bench.state(), State::Engaged);
+        EXPECT_EQ(bench.press(0), State::Released);
+        EXPECT_EQ(bench.press(2), State::Engaged);
         expectSamePose(bench.command.tool, bench.startTool);
     }
 }
@@ -284,8 +277,7 @@ TEST(Teleoperation, ASwitchThatWasPressedDuringAPauseCountsForNothing) {
         EXPECT_EQ(bench.state(), State::Refused) << wasEngaged;
         EXPECT_EQ(bench.status().refusal, Refusal::Paused);
         expectSamePose(bench.command.tool, bench.startTool);
-        bench.press(2);
-        EXPECT_EQ(bench.state(), State::Engaged);
+        EXPECT_EQ(bench.press(2), State::Engaged);
     }
 }
 
@@ -299,10 +291,8 @@ TEST(Teleoperation, ASwitchThatWasPressedBeforeTheStartCountsForNothing) {
     }
     EXPECT_EQ(bench.status().refusal, Refusal::Paused);
     expectSamePose(bench.command.tool, bench.startTool);
-    bench.press(0);
-    EXPECT_EQ(bench.state(), State::Released);
-    bench.press(2);
-    EXPECT_EQ(bench.state(), State::Engaged);
+    EXPECT_EQ(bench.press(0), State::Released);
+    EXPECT_EQ(bench.press(2), State::Engaged);
 }
 
 TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
@@ -310,8 +300,7 @@ TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
         SCOPED_TRACE(gap_s);
         Bench bench;
         bench.press(1);
-        bench.advance(0.04);
-        EXPECT_EQ(bench.state(), State::Engaged);
+        EXPECT_EQ(bench.advance(0.04), State::Engaged);
         bench.hand.engagement = 0;
         bench.source.feed()->put(bench.hand);
         bench.pause(gap_s);
@@ -357,10 +346,8 @@ TEST(Teleoperation, MissedTicksAreHeldLikeSilence) {
     bench.press(1);
     bench.advance(0.04);
     bench.pause(0.2);
-    bench.advance(0.5, 1);
-    EXPECT_EQ(bench.state(), State::Held);
-    bench.send(1);
-    EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
+    EXPECT_EQ(bench.advance(0.5, 1), State::Held);
+    EXPECT_EQ(bench.send(1), State::Engaged);  // latched anew
     expectSamePose(bench.command.tool, bench.startTool);
 }
 
