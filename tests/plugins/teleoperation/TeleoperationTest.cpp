@@ -244,7 +244,7 @@ TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAne
         EXPECT_EQ(bench.send(1), State::Refused);
         EXPECT_EQ(bench.status().refusal, wrong.refusal);
         expectSamePose(bench.command.tool, bench.startTool);
-        hand = good;
+        bench.hand = good;
         for (int k = 0; k < 5; ++k) bench.send();
         EXPECT_EQ(bench.state(), State::Refused);
         expectSamePose(bench.command.tool, bench.startTool);
