@@ -23,8 +23,7 @@ bool changeProcess() {
     return chdir("/") == 0;
 }
 
-class ChangesProcess : public broken::Filter {
-public:
+struct ChangesProcess : broken::Filter {
     ChangesProcess() {
         if (VIABLE_CHANGES_WHEN == 1) changeProcess();
     }

@@ -27,20 +27,16 @@ struct ChangingLimitsOptions {
 class ChangingLimits : public broken::Command {
 public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
-        const auto options = parameters.get<ChangingLimitsOptions>();
-        size_ = options.size;
-        at_s_ = options.at_s;
-        fault_ = options.fault;
-        sleep_us_ = options.sleep_us;
+        options_ = parameters.get<ChangingLimitsOptions>();
         limits_ = setup.limits;
-        const double share = options.positionShare;
+        const double share = options_.positionShare;
         const viable::JointVector middle = (limits_.position.lower + limits_.position.upper) / 2.0;
         for (viable::JointVector* side : {&limits_.position.lower, &limits_.position.upper})
             *side = middle + share * (*side - middle);
         for (viable::JointBounds* bounds : {&limits_.velocity, &limits_.acceleration, &limits_.jerk})
-            for (viable::JointVector* side : {&bounds->lower, &bounds->upper}) *side *= options.rateShare;
-        if (fault_ == "nan") limits_.velocity.upper[0] = std::numeric_limits<double>::quiet_NaN();
-        if (fault_ == "size") limits_.jerk.lower.conservativeResize(setup.size() + 1);
+            for (viable::JointVector* side : {&bounds->lower, &bounds->upper}) *side *= options_.rateShare;
+        if (options_.fault == "nan") limits_.velocity.upper[0] = std::numeric_limits<double>::quiet_NaN();
+        if (options_.fault == "size") limits_.jerk.lower.conservativeResize(setup.size() + 1);
     }
     void reset(const viable::MotionState& start) override {
         Command::reset(start);
@@ -48,22 +44,20 @@ public:
         random_.seed(7);
     }
     viable::TickStatus sample(double t, viable::MotionCommand& out) override {
-        if (sleep_us_ > 0)
+        if (options_.sleep_us > 0)
             std::this_thread::sleep_for(
-                std::chrono::microseconds(std::uniform_int_distribution<int>(0, sleep_us_)(random_)));
-        return setPoint(std::fmod(t, 2.0) < 1.0 ? size_ : -size_, out);
+                std::chrono::microseconds(std::uniform_int_distribution<int>(0, options_.sleep_us)(random_)));
+        return setPoint(std::fmod(t, 2.0) < 1.0 ? options_.size : -options_.size, out);
     }
     const viable::JointLimits* sampleLimits(double t) override {
-        if (isGiven_ || t < at_s_) return nullptr;
-        if (fault_ == "throw") throw std::runtime_error("no limits today");
+        if (isGiven_ || t < options_.at_s) return nullptr;
+        if (options_.fault == "throw") throw std::runtime_error("no limits today");
         isGiven_ = true;
         return &limits_;
     }
 
 private:
-    double size_ = 0.0, at_s_ = 0.0;
-    std::string fault_;
-    int sleep_us_ = 0;
+    ChangingLimitsOptions options_;
     viable::JointLimits limits_;
     bool isGiven_ = false;
     std::mt19937 random_;

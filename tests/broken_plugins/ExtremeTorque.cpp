@@ -3,8 +3,7 @@
 
 namespace {
 
-class ExtremeTorque : public broken::Controller {
-public:
+struct ExtremeTorque : broken::Controller {
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
         const viable::TickStatus status = Controller::compute(input, output);
         const double cycle[] = {1e300, -1e300, std::numeric_limits<double>::denorm_min(),

@@ -23,37 +23,34 @@ struct FailingPlantOptions {
 class FailingPlant : public viable::RealPlant {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        const auto options = parameters.get<FailingPlantOptions>();
-        afterTicks_ = options.late.afterTicks;
-        mode_ = options.mode;
-        delayTicks_ = options.delayTicks;
-        rate_.setConstant(options.rates, options.rate);
+        options_ = parameters.get<FailingPlantOptions>();
+        rate_.setConstant(options_.rates, options_.rate);
     }
-    viable::PlantTraits traits() const override { return {viable::Encoder::Counts, delayTicks_, rate_}; }
+    viable::PlantTraits traits() const override { return {viable::Encoder::Counts, options_.delayTicks, rate_}; }
     void reset(const viable::MotionState& start) override {
         ticks_ = 0;
         state_ = {start.q, start.qd};
     }
     const viable::JointState& measured() const override {
-        if (mode_ == "throw_measured" && ticks_ > afterTicks_) throw std::runtime_error("sensor lost");
+        if (options_.mode == "throw_measured" && ticks_ > options_.late.afterTicks)
+            throw std::runtime_error("sensor lost");
         return state_;
     }
     const viable::JointState& actual() const override { return state_; }
     viable::TickStatus advance(const viable::JointVector& torque, viable::JointVector& applied) override {
         applied = torque;
-        if (++ticks_ <= afterTicks_) return viable::TickStatus::Ok;
-        if (mode_ == "faulted") return viable::TickStatus::Faulted;
-        if (mode_ == "throw_advance") throw std::runtime_error("motor lost");
-        if (mode_ == "nan_state") state_.q.setConstant(std::numeric_limits<double>::quiet_NaN());
-        if (mode_ == "wrong_size") state_.q.resize(1);
+        if (++ticks_ <= options_.late.afterTicks) return viable::TickStatus::Ok;
+        if (options_.mode == "faulted") return viable::TickStatus::Faulted;
+        if (options_.mode == "throw_advance") throw std::runtime_error("motor lost");
+        if (options_.mode == "nan_state") state_.q.setConstant(std::numeric_limits<double>::quiet_NaN());
+        if (options_.mode == "wrong_size") state_.q.resize(1);
         return viable::TickStatus::Ok;
     }
 
 private:
-    std::int64_t afterTicks_ = 0, ticks_ = 0;
-    int delayTicks_ = 0;
+    FailingPlantOptions options_;
+    std::int64_t ticks_ = 0;
     viable::JointVector rate_;
-    std::string mode_;
     viable::JointState state_;
 };
 

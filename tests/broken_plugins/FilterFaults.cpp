@@ -58,18 +58,15 @@ struct Table {
 };
 
 /** A type that only this library knows. */
-class DeviceMissing : public std::runtime_error {
-public:
+struct DeviceMissing : std::runtime_error {
     DeviceMissing() : std::runtime_error("no device at port 7") {}
 };
 
-class ThrowingFilter : public broken::Filter {
-public:
+struct ThrowingFilter : broken::Filter {
     ThrowingFilter() { throw DeviceMissing(); }
 };
 
-class IntThrowingFilter : public broken::Filter {
-public:
+struct IntThrowingFilter : broken::Filter {
     IntThrowingFilter() { throw 7; }
 };
 
@@ -96,8 +93,7 @@ class ThrowsWhenAsked : public broken::Filter {
     viable::FilterTraits traits() const override { throw std::runtime_error("who knows"); }
 };
 
-class RoundsWhenMade : public broken::Filter {
-public:
+struct RoundsWhenMade : broken::Filter {
     RoundsWhenMade() { std::fesetround(FE_UPWARD); }
 };
 

@@ -33,13 +33,7 @@ public:
     void configure(const viable::RunSetup& setup, const viable::Parameters& parameters) override {
         Filter::configure(setup, parameters);
         limits_ = setup.limits;
-        const auto options = parameters.get<GuaranteeingOptions>();
-        lie_ = options.lie;
-        afterTicks_ = options.late.afterTicks;
-        hasSuppliedStops_ = options.hasWitness;
-        changes_ = options.changes;
-        recovers_ = options.recovers;
-        clearanceTicks_ = options.clearanceTicks;
+        options_ = parameters.get<GuaranteeingOptions>();
     }
     void reset(const viable::MotionState& start) override {
         Filter::reset(start);
@@ -49,14 +43,14 @@ public:
         for (int i = 0; i < start.q.size(); ++i) stops_[i].plan(start.qd[i], start.qdd[i], limits_.axis(i), tick_s_);
     }
     viable::FilterTraits traits() const override {
-        viable::FilterTraits traits{viable::LimitSet::joints(), recovers_};
-        traits.guarantees.set(viable::LimitKind::Clearance, clearanceTicks_ > 0);
+        viable::FilterTraits traits{viable::LimitSet::joints(), options_.recovers};
+        traits.guarantees.set(viable::LimitKind::Clearance, options_.clearanceTicks > 0);
         return traits;
     }
     bool changeLimits(const viable::JointLimits& limits) override {
         limits_ = limits;
         brakes_ = true;
-        return changes_;
+        return options_.changes;
     }
     void skipTicks(std::int64_t ticks) override {
         ticks_ += ticks;
@@ -66,10 +60,10 @@ public:
         ++ticks_;
         const viable::MotionState& nominal = input.nominal;
         // Whoever tells the filter of missed ticks must have followed its stops in them.
-        if (hasSuppliedStops_ && (nominal.q - expected_.q).lpNorm<Eigen::Infinity>() > 1e-9)
+        if (options_.hasWitness && (nominal.q - expected_.q).lpNorm<Eigen::Infinity>() > 1e-9)
             return viable::FilterStatus::Faulted;
         const int n = static_cast<int>(nominal.q.size());
-        const bool lies = lie_ != "none" && ticks_ > afterTicks_;
+        const bool lies = options_.lie != "none" && ticks_ > options_.late.afterTicks;
         viable::JointVector jerk(n);
         for (int i = 0; i < n; ++i) jerk[i] = brakes_ ? stops_[i].popJerk() : calcJerk(nominal, i, lies);
         decision.holdJerk(jerk);
@@ -80,8 +74,8 @@ public:
             decision.stops[i] = stops_[i];
         }
         if (lies) spoil(decision.stops[n - 1], expected_.qd[n - 1], expected_.qdd[n - 1], n - 1);
-        decision.hasStops = hasSuppliedStops_;
-        if (ticks_ <= clearanceTicks_) {  // later it leaves the decision as it comes
+        decision.hasStops = options_.hasWitness;
+        if (ticks_ <= options_.clearanceTicks) {  // later it leaves the decision as it comes
             viable::LimitReport& nearest = decision.reports[viable::LimitKind::Clearance];
             nearest.isKnown = true;
             nearest.margin = 0.25;
@@ -90,18 +84,18 @@ public:
             nearest.onOther = {4.0, 5.0, 6.0};
             nearest.age_s = 0.125;
         }
-        if (lies && lie_ == "limit") decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
-        if (lies && lie_ == "side") decision.joints[n - 1].side = static_cast<viable::LimitSide>(-7);
-        if (lies && lie_ == "status") return static_cast<viable::FilterStatus>(250);
+        if (lies && options_.lie == "limit") decision.joints[n - 1].limit = static_cast<viable::LimitKind>(200);
+        if (lies && options_.lie == "side") decision.joints[n - 1].side = static_cast<viable::LimitSide>(-7);
+        if (lies && options_.lie == "status") return static_cast<viable::FilterStatus>(250);
         return brakes_ ? viable::FilterStatus::Recovering : viable::FilterStatus::Modified;
     }
 
 private:
     double calcJerk(const viable::MotionState& s, int i, bool lies) const {
         const viable::AxisLimits axis = limits_.axis(i);
-        if (lies && lie_ == "jerk") return ticks_ % 2 ? 1e6 : -1e6;
+        if (lies && options_.lie == "jerk") return ticks_ % 2 ? 1e6 : -1e6;
         double jerk;
-        if (lies && lie_ == "creep") {
+        if (lies && options_.lie == "creep") {
             jerk = -12.0 * (s.qd[i] - 0.4) - 7.0 * s.qdd[i];
         } else {
             const double aim = middle_[i] + (std::fmod(ticks_ * tick_s_, 2.0) < 1.0 ? 0.1 : -0.1);
@@ -111,24 +105,24 @@ private:
     }
     void spoil(viable::GridStop& stop, double v, double a, int i) const {
         viable::AxisLimits axis = limits_.axis(i);
-        if (lie_ == "moving") {
+        if (options_.lie == "moving") {
             stop.set({});
-        } else if (lie_ == "outside") {
+        } else if (options_.lie == "outside") {
             // Acceleration to zero, on for ten minutes, and to rest: nothing but positions are beyond.
             constexpr std::int64_t kRamp = 1000;
             const double ramp_s = kRamp * tick_s_;
             const double cruise = v + a * ramp_s / 2.0;
             const double jerk = cruise / (ramp_s * ramp_s);
             stop.set({{{kRamp, -a / ramp_s}, {600 * kRamp, 0.0}, {kRamp, -jerk}, {kRamp, jerk}}});
-        } else if (lie_ == "stop_jerk") {
+        } else if (options_.lie == "stop_jerk") {
             axis.jerkLower *= 100.0;
             axis.jerkUpper *= 100.0;
             stop.plan(v, a, axis, tick_s_);
-        } else if (lie_ == "nan") {
+        } else if (options_.lie == "nan") {
             stop.set({{{10, std::numeric_limits<double>::quiet_NaN()}, {}, {}, {}}});
-        } else if (lie_ == "negative") {
+        } else if (options_.lie == "negative") {
             stop.set({{{-5, axis.jerkLower}, {}, {}, {}}});
-        } else if (lie_ == "endless") {
+        } else if (options_.lie == "endless") {
             constexpr std::int64_t kLong = std::int64_t{1} << 62;
             stop.set({{{kLong, 0.0}, {kLong, 0.0}}});
         }
@@ -141,9 +135,8 @@ private:
     }
 
     viable::JointLimits limits_;
-    std::string lie_;
-    std::int64_t afterTicks_ = 0, clearanceTicks_ = 0;
-    bool hasSuppliedStops_ = true, changes_ = true, recovers_ = false, brakes_ = false;
+    GuaranteeingOptions options_;
+    bool brakes_ = false;
     viable::JointVector middle_;
     viable::MotionState expected_;
     std::array<viable::GridStop, kMaxJoints> stops_;

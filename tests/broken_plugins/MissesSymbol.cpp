@@ -7,8 +7,7 @@ void functionOfAnOlderVersion(int);
 
 namespace {
 
-class MissesSymbol : public broken::Filter {
-public:
+struct MissesSymbol : broken::Filter {
     MissesSymbol() { viable::functionOfAnOlderVersion(1); }
 };
 

@@ -19,26 +19,21 @@ struct NanTorqueOptions {
 class NanTorque : public broken::Controller {
 public:
     void configure(const viable::RunSetup&, const viable::Parameters& parameters) override {
-        const auto options = parameters.get<NanTorqueOptions>();
-        window_ = options.window;
-        value_ =
-            options.isInfinite ? std::numeric_limits<double>::infinity() : std::numeric_limits<double>::quiet_NaN();
-        joint_ = options.joint;
+        options_ = parameters.get<NanTorqueOptions>();
     }
     viable::TickStatus compute(const viable::ControllerInput& input, viable::ControllerOutput& output) override {
         const viable::TickStatus status = Controller::compute(input, output);
-        if (!window_.contains(ticks_)) return status;
-        if (joint_ < 0)
-            output.torque.setConstant(value_);
+        if (!options_.window.contains(ticks_)) return status;
+        const double value = options_.isInfinite ? viable::kInfinity : viable::kNan;
+        if (options_.joint < 0)
+            output.torque.setConstant(value);
         else
-            output.torque[joint_] = value_;
+            output.torque[options_.joint] = value;
         return status;
     }
 
 private:
-    broken::FaultWindow window_;
-    double value_ = 0.0;
-    std::int64_t joint_ = -1;
+    NanTorqueOptions options_;
 };
 
 }  // namespace

@@ -3,8 +3,7 @@
 // Built twice, with other values: two libraries that define the same classes. The static variable
 // in an inline function is the hard part: were it visible, the dynamic linker would give both
 // libraries one variable, RTLD_LOCAL or not.
-class SameHelper {
-public:
+struct SameHelper {
     double getValue() const;
     static double& updShared() {
         static double shared = VIABLE_SAME_CLASS_VALUE;
@@ -16,8 +15,7 @@ double SameHelper::getValue() const {
     return VIABLE_SAME_CLASS_VALUE;
 }
 
-class SameFilter : public broken::Filter {
-public:
+struct SameFilter : broken::Filter {
     viable::FilterStatus filter(const viable::FilterInput&, viable::FilterDecision& decision) override {
         decision.value.resize(2);
         decision.value[0] = SameHelper().getValue();

@@ -5,8 +5,7 @@ void functionThatNobodyDefines();
 namespace {
 
 // With lazy binding the process would end here, in the middle of the motion.
-class UnresolvedFilter : public broken::Filter {
-public:
+struct UnresolvedFilter : broken::Filter {
     void reset(const viable::MotionState&) override { functionThatNobodyDefines(); }
 };
 

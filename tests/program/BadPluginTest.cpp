@@ -3,7 +3,6 @@
 #include <chrono>
 #include <csignal>
 
-#include "ExpectContains.h"
 #include "Program.h"
 
 namespace viable::test {
@@ -38,8 +37,7 @@ struct Fixture {
     const char* isolated;
 };
 
-class BadPlugin : public ::testing::TestWithParam<Fixture> {
-protected:
+struct BadPlugin : ::testing::TestWithParam<Fixture> {
     Outcome run(std::vector<std::string> more) {
         return runWith(folder_, std::string("{plugin: ") + GetParam().plugin + ", after_ticks: 100}", std::move(more));
     }
@@ -51,9 +49,8 @@ protected:
 };
 
 TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
-    const Outcome o = run({"--isolate", "--watchdog", "1"});
-    EXPECT_EQ(o.code, 4) << o.err;
-    expectContains(o.err, {"stopped at 0.1000 s (tick 100): " + who() + " failed: ", GetParam().isolated, "\n"});
+    expectOutcome(run({"--isolate", "--watchdog", "1"}), 4,
+                  {"stopped at 0.1000 s (tick 100): " + who() + " failed: ", GetParam().isolated, "\n"});
     const std::filesystem::path log = folder_ / "run/A.mcap";
     EXPECT_GT(countRowsOfWholeLog(log), 101);  // and its stop
     LogReader reader(log);
@@ -69,9 +66,8 @@ TEST_P(BadPlugin, IsolatedItIsNamedAndTheArmIsBraked) {
 TEST_P(BadPlugin, WithoutIsolationItIsNamedAndTheLogIsWhole) {
     const bool hangs = GetParam().plugin == std::string("hangs");
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
-    const Outcome o = run(hangs ? std::vector<std::string>{"--watchdog", "1"} : std::vector<std::string>{});
-    EXPECT_EQ(o.code, 4) << o.err;
-    expectContains(o.err, {who(), GetParam().inProcess, "tick 100"});
+    expectOutcome(run(hangs ? std::vector<std::string>{"--watchdog", "1"} : std::vector<std::string>{}), 4,
+                  {who(), GetParam().inProcess, "tick 100"});
     EXPECT_GE(countRowsOfWholeLog(folder_ / "run/A.mcap"), 100);
 }
 
@@ -108,10 +104,9 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Fault49, APluginThatTakesMemoryInItsTickIsToldOf) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = runWith(folder, "{plugin: allocates, after_ticks: 100}", {"--details"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
-                           "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
+    expectOutcome(runWith(folder, "{plugin: allocates, after_ticks: 100}", {"--details"}), 0,
+                  {"WARNING       the filter plugin 'allocates' (", "viable_filter_allocates.so",
+                   "(in 400 ticks, first in tick 100)", "Take the memory in configure()"});
     expectContains(readFile(folder / "run/summary.json"), {"\"warnings\": [\n", "allocates"});
 }
 
@@ -127,10 +122,9 @@ TEST(Fault49, NoPluginOfTheMainExperimentTakesMemoryInItsTick) {
 TEST(Fault49, ALeakIsToldOfWithWhatItHasTaken) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = runWith(folder, "{plugin: leaks, after_ticks: 100}", {"--details", "--set", "duration_s=0.2"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
-                           "The program grew by 1", " MB in this case's ticks"});
+    expectOutcome(runWith(folder, "{plugin: leaks, after_ticks: 100}", {"--details", "--set", "duration_s=0.2"}), 0,
+                  {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)",
+                   "The program grew by 1", " MB in this case's ticks"});
 }
 
 /** Which of them has taken it is not known. */
@@ -142,10 +136,10 @@ TEST(Fault49, OfCasesThatRunAtOnceNoneIsToldOfWhatTheProgramHasTaken) {
                                    "cases:\n  A: {filter: {plugin: leaks, after_ticks: 100}}\n"
                                    "  B: {filter: {plugin: leaks, after_ticks: 100}}\n");
     for (const char* jobs : {"1", "2"}) {
-        const Outcome o = test::run({"run", file, "--out", folder / jobs, "--no-report", "--details", "--jobs", jobs,
-                                     "--set", "duration_s=0.2"});
-        EXPECT_EQ(o.code, 0) << o.err;
-        expectContains(o.out, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)"});
+        const Outcome o =
+            expectRun({"run", file, "--out", folder / jobs, "--no-report", "--details", "--jobs", jobs, "--set",
+                       "duration_s=0.2"},
+                      0, {"WARNING       the filter plugin 'leaks' (", "(in 100 ticks, first in tick 100)"});
         EXPECT_EQ(o.out.find("The program grew by") != std::string::npos, jobs == std::string("1")) << o.out;
     }
 }
@@ -168,9 +162,8 @@ TEST(Fault49, APluginThatTakesAllMemoryIsNamedAndTheArmBraked) {
 TEST(Fault49, AnIsolatedOneIsToldOfToo) {
     if (kSanitized) GTEST_SKIP() << "allocations are not counted in sanitizer builds";
     Folder folder;
-    const Outcome o = runWith(folder, "{plugin: allocates, after_ticks: 100}", {"--isolate", "--details"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
+    expectOutcome(runWith(folder, "{plugin: allocates, after_ticks: 100}", {"--isolate", "--details"}), 0,
+                  {"WARNING       the filter plugin 'allocates' (", "(in 400 ticks, first in tick 100)"});
 }
 
 TEST(Fault50, AChangeOfArithmeticBeforeTheFirstTickIsRefused) {
@@ -217,15 +210,15 @@ TEST(Fault50, AChangeOfWhatTheProgramSharesIsUndoneAndTold) {
 
 TEST(Fault44, AThrowOutsideOfTicksNamesThePlugin) {
     for (const char* how : {"--jobs=1", "--isolate"}) {
+        SCOPED_TRACE(how);
         Folder folder;
-        Outcome o = runWith(folder, "{plugin: throws_when_asked}", {how});
-        EXPECT_EQ(o.code, 4) << how;
-        expectContains(o.err, {"the filter plugin 'throws_when_asked' (", "threw while it was configured: who knows"});
+        expectOutcome(runWith(folder, "{plugin: throws_when_asked}", {how}), 4,
+                      {"the filter plugin 'throws_when_asked' (", "threw while it was configured: who knows"});
         for (const char* filter : {"{plugin: throws_in_reset}", "[certified_braking, throws_in_reset]"}) {
+            SCOPED_TRACE(filter);
             Folder other;
-            o = runWith(other, filter, {how});
-            EXPECT_EQ(o.code, 4) << how << filter;
-            expectContains(o.err, {"the filter plugin 'throws_in_reset' (", "threw in reset(): no way back"});
+            expectOutcome(runWith(other, filter, {how}), 4,
+                          {"the filter plugin 'throws_in_reset' (", "threw in reset(): no way back"});
         }
     }
 }
@@ -233,16 +226,14 @@ TEST(Fault44, AThrowOutsideOfTicksNamesThePlugin) {
 TEST(Fault48, ACrashInADestructorNamesThePlugin) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
     Folder folder;
-    Outcome o = runWith(folder, "{plugin: crashes_when_destroyed}");
-    EXPECT_EQ(o.code, 4);
-    expectContains(
-        o.err, {"the filter plugin 'crashes_when_destroyed' (", " crashed while it was destroyed: signal 6 (Aborted)"});
+    expectOutcome(
+        runWith(folder, "{plugin: crashes_when_destroyed}"), 4,
+        {"the filter plugin 'crashes_when_destroyed' (", " crashed while it was destroyed: signal 6 (Aborted)"});
     EXPECT_EQ(countRowsOfWholeLog(folder / "run/A.mcap"), 500);
     Folder other;
-    o = runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate", "--details"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"WARNING       the filter plugin 'crashes_when_destroyed' (",
-                           "failed while it was destroyed: its process died: signal 6 (Aborted)"});
+    expectOutcome(runWith(other, "{plugin: crashes_when_destroyed}", {"--isolate", "--details"}), 0,
+                  {"WARNING       the filter plugin 'crashes_when_destroyed' (",
+                   "failed while it was destroyed: its process died: signal 6 (Aborted)"});
 }
 
 std::string nameDeadly(const std::string& plugin) {
@@ -267,10 +258,8 @@ TEST(Fault48, AFailureWhileALibraryIsLoadedNamesIt) {
             std::vector<std::string> more{"--watchdog", "0.3"};
             if (isIsolated) more.push_back("--isolate");
             const std::string library = nameDeadly(fixture.plugin);
-            const Outcome o = runWith(folder, "{plugin: \"" + library + "\"}", more);
-            EXPECT_EQ(o.code, 4);
-            expectContains(o.err,
-                           {"the plugin library '" + library + "'", isIsolated ? fixture.isolated : fixture.inProcess});
+            expectOutcome(runWith(folder, "{plugin: \"" + library + "\"}", more), 4,
+                          {"the plugin library '" + library + "'", isIsolated ? fixture.isolated : fixture.inProcess});
             EXPECT_FALSE(std::filesystem::exists(folder / "run"));
         }
 }
@@ -306,29 +295,24 @@ TEST(Fault47, AHangBeforeTheFirstTickIsNamedWithItsCall) {
 TEST(Fault48, AnExceptionThatLeavesAPluginsOwnThreadIsToldWithItsLibrary) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
     Folder folder;
-    Outcome o = runWith(folder, "{plugin: throws_in_thread, after_ticks: 100}");
-    EXPECT_EQ(o.code, 4);
-    expectContains(o.err,
-                   {"viable: std::terminate() was called: an exception that nobody catches: the thread lost its temper "
-                    "while the cases ran, outside of the calls of plugins, in a thread that runs code of ",
-                    "tests/broken_plugins/viable_filter_throws_in_thread.so. The logs in ", "are complete"});
+    expectOutcome(runWith(folder, "{plugin: throws_in_thread, after_ticks: 100}"), 4,
+                  {"viable: std::terminate() was called: an exception that nobody catches: the thread lost its temper "
+                   "while the cases ran, outside of the calls of plugins, in a thread that runs code of ",
+                   "tests/broken_plugins/viable_filter_throws_in_thread.so. The logs in ", "are complete"});
     EXPECT_GE(countRowsOfWholeLog(folder / "run/A.mcap"), 100);
     Folder other;
-    o = runWith(other, "{plugin: throws_in_thread, after_ticks: 100}", {"--isolate"});
-    EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"the filter plugin 'throws_in_thread' (", "failed: its process died: signal 6 (Aborted)"});
+    expectOutcome(runWith(other, "{plugin: throws_in_thread, after_ticks: 100}", {"--isolate"}), 4,
+                  {"the filter plugin 'throws_in_thread' (", "failed: its process died: signal 6 (Aborted)"});
 }
 
 TEST(Fault48, ACrashOutsideOfPluginsNamesTheSuspects) {
     if (kSanitized) GTEST_SKIP() << "sanitizers have crash handlers of their own";
     Folder folder;
-    const Outcome o = runWith(folder, "{plugin: damages_heap, after_ticks: 100}");
-    EXPECT_EQ(o.code, 4) << o.err;
-    expectContains(o.err,
-                   {"viable: crashed: signal 6 (Aborted) while the cases ran, outside of the calls of plugins. A "
-                    "plugin may have damaged memory before, or a thread of its own has failed. Suspects are all "
-                    "that are loaded: ",
-                    "viable_command_waypoints.so, ", "viable_filter_damages_heap.so"});
+    expectOutcome(runWith(folder, "{plugin: damages_heap, after_ticks: 100}"), 4,
+                  {"viable: crashed: signal 6 (Aborted) while the cases ran, outside of the calls of plugins. A "
+                   "plugin may have damaged memory before, or a thread of its own has failed. Suspects are all "
+                   "that are loaded: ",
+                   "viable_command_waypoints.so, ", "viable_filter_damages_heap.so"});
     EXPECT_GE(countRowsOfWholeLog(folder / "run/A.mcap"), 100);
 }
 
@@ -377,14 +361,11 @@ TEST(Fault48, ACrashAfterTheCasesIsViablesAndLeavesNoClaim) {
 
 TEST(FilterChain, WhatAFilterOfAChainDoesWrongIsToldAsItsOwn) {
     Folder folder;
-    Outcome o = runWith(folder, "[{plugin: rounds_in_tick, after_ticks: 100}, certified_braking]");
-    EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"the filter plugin 'rounds_in_tick' (", "failed: it changed the floating"});
+    expectOutcome(runWith(folder, "[{plugin: rounds_in_tick, after_ticks: 100}, certified_braking]"), 4,
+                  {"the filter plugin 'rounds_in_tick' (", "failed: it changed the floating"});
     Folder other;
-    o = runWith(other, "[{plugin: nan_output, after_ticks: 100}, certified_braking]");
-    EXPECT_EQ(o.code, 4);
-    expectContains(o.err,
-                   {"the filter plugin 'nan_output' (", "failed: its decision has the wrong size or is not finite"});
+    expectOutcome(runWith(other, "[{plugin: nan_output, after_ticks: 100}, certified_braking]"), 4,
+                  {"the filter plugin 'nan_output' (", "failed: its decision has the wrong size or is not finite"});
 }
 
 TEST(Isolate, ARunIsTheSameToTheLastBit) {
@@ -414,33 +395,32 @@ TEST(Isolate, ARunIsTheSameToTheLastBit) {
 
 TEST(Isolate, APluginThatDiesWhileItIsMadeIsBadNewsBeforeTheRun) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate",
-                                 "--set", "cases.A.filter.plugin=create_throws"});
-    EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"viable_filter_create_throws.so", "could not be made"});
+    expectRun({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--isolate", "--set",
+               "cases.A.filter.plugin=create_throws"},
+              4, {"viable_filter_create_throws.so", "could not be made"});
     EXPECT_FALSE(std::filesystem::exists(folder / "run"));
 }
 
 TEST(FilterChain, ALawWithoutAGuaranteeBeforeOneThatGuaranteesKeepsAllLimits) {
     Folder folder;
-    const Outcome o = test::run({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1",
-                                 "--set", "duration_s=5", "--no-report", "--details", "--set",
-                                 "cases.C1.filter=[acceleration_viability, certified_braking]"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"C1: filter acceleration_viability + certified_braking",
-                           "all limits kept (nominal arm; the filter guarantees all)"});
+    expectRun({"run", "experiments/indy7_teleoperation.yaml", "--out", folder / "run", "--case", "C1", "--set",
+               "duration_s=5", "--no-report", "--details", "--set",
+               "cases.C1.filter=[acceleration_viability, certified_braking]"},
+              0,
+              {"C1: filter acceleration_viability + certified_braking",
+               "all limits kept (nominal arm; the filter guarantees all)"});
 }
 
 TEST(FilterChain, WhoBreaksAnEarlierGuaranteeIsNamedWithIt) {
     Folder folder;
-    const Outcome o = test::run({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run",
-                                 "--no-report", "--set", "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
-                                 "cases.A.filter=[certified_braking, {plugin: rewrites}]"});
-    EXPECT_EQ(o.code, 3) << o.err;
-    expectContains(o.err, {"the filter plugin 'rewrites' (",
-                           "failed: it changed what 'certified_braking' before it had decided, which "
-                           "guarantees all limits, but joint0",
-                           "Put the filter before the one"});
+    expectRun({"run", folder.write("e.yaml", kFaultyExperiment), "--out", folder / "run", "--no-report", "--set",
+               "duration_s=5", "--set", "limits={position_rad: 0.5}", "--set",
+               "cases.A.filter=[certified_braking, {plugin: rewrites}]"},
+              3,
+              {"the filter plugin 'rewrites' (",
+               "failed: it changed what 'certified_braking' before it had decided, which "
+               "guarantees all limits, but joint0",
+               "Put the filter before the one"});
 }
 
 }  // namespace

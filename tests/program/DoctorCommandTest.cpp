@@ -1,9 +1,7 @@
 // `viable doctor`: what it tells root and an ordinary user, and its codes.
 
-#include <cstdint>
 #include <nlohmann/json.hpp>
 
-#include "ExpectContains.h"
 #include "Program.h"
 
 namespace viable::test {

@@ -1,9 +1,7 @@
 // `viable robot` and `viable run` with the plant `link`, each in a process of its own; faults 83, 84 and 86.
-#include <fcntl.h>
 
 #include <nlohmann/json.hpp>
 
-#include "ExpectContains.h"
 #include "RobotProcess.h"
 #include "viable/link/viable_link_linux.h"
 
@@ -57,11 +55,9 @@ TEST(LinkProgram, ARobotInAnotherProcessIsDrivenAsThePlainOne) {
     EXPECT_NEAR(measured, expected, 0.01 * expected);  // the same arm, torques, delay and readings
     std::printf("  real - nominal: %.3f mrad RMS over the link, %.3f mrad in one process\n", 1e3 * measured,
                 1e3 * expected);
-    const Outcome ended = robot.end(SIGINT);
-    EXPECT_EQ(ended.code, 0) << ended.err;
-    expectContains(ended.out,
-                   {"2 joints, tick 0.001 s", "a host has come\n", "the host has gone\n",
-                    "hosts     " + std::to_string(runs) + "\n", " good", "held itself for want of commands 0 times"});
+    expectOutcome(robot.end(SIGINT), 0,
+                  {"2 joints, tick 0.001 s", "a host has come\n", "the host has gone\n",
+                   "hosts     " + std::to_string(runs) + "\n", " good", "held itself for want of commands 0 times"});
 }
 
 TEST(Fault83, OnALineThatLosesDelaysDoublesAndCorruptsTheNominalLimitsHold) {
@@ -73,9 +69,7 @@ TEST(Fault83, OnALineThatLosesDelaysDoublesAndCorruptsTheNominalLimitsHold) {
     const nlohmann::json linked = readCase(folder / "run", "linked");
     expectLimitsKept(linked);
     expectContains(linked["account"].get<std::string>(), {"missed ticks"});
-    const Outcome ended = robot.end(SIGTERM);
-    EXPECT_EQ(ended.code, 0) << ended.err;
-    expectContains(ended.out, {" corrupt", " duplicate", " old"});
+    expectOutcome(robot.end(SIGTERM), 0, {" corrupt", " duplicate", " old"});
 }
 
 TEST(Fault84, AKilledRobotEndsTheRunWithASentence) {
@@ -88,12 +82,11 @@ TEST(Fault84, AKilledRobotEndsTheRunWithASentence) {
         robot.await("a host has come");
         sleepFor(0.3);
         robot.end(SIGKILL);
-        const Outcome o = program.wait();
-        EXPECT_EQ(o.code, 4) << o.out << o.err;
-        expectContains(o.err, {"the plant plugin 'link'",
-                               "it cannot drive the robot at " + robot.address() +
-                                   " any more: no state has come for 0.3 s; see that it and the line are up "
-                                   "(packets: "});
+        expectOutcome(
+            program.wait(), 4,
+            {"the plant plugin 'link'", "it cannot drive the robot at " + robot.address() +
+                                            " any more: no state has come for 0.3 s; see that it and the line are up "
+                                            "(packets: "});
         expectLimitsKept(readCase(folder / "run", "linked"));
     }
 }
@@ -108,9 +101,7 @@ TEST(Fault86, AStoppedHostLeavesTheRobotToItsOwnHoldAndBrakes) {
     robot.await("commands are missing: it holds itself");
     robot.await("its brakes are closed");
     kill(program.pid(), SIGCONT);
-    const Outcome o = program.wait();
-    EXPECT_EQ(o.code, 4) << o.out << o.err;
-    expectContains(o.err, {"any more: its brakes are closed; see at the robot what closed them (packets: "});
+    expectOutcome(program.wait(), 4, {"any more: its brakes are closed; see at the robot what closed them (packets: "});
     expectLimitsKept(readCase(folder / "run", "linked"));
 }
 
@@ -171,8 +162,7 @@ TEST(Fault86, AKilledHostLeavesTheRobotToItsOwnStopAndTheNextHostIsServed) {
         std::printf("  killed at %.2f rad/s or more; rests after %.3f s\n", way / stop_s, stop_s);
         std::fflush(stdout);  // the next process would say it, too
         EXPECT_GT(way / stop_s, 0.3);
-        const Outcome o = run(makeRun(robot, folder / "next", "0.2"));
-        EXPECT_EQ(o.code, 0) << o.out << o.err;
+        expectOutcome(run(makeRun(robot, folder / "next", "0.2")), 0);
         const Outcome ended = robot.end(SIGINT);
         expectContains(ended.out, {"hosts     2\n", "held itself for want of commands 1 times"});
         const double step = readFigure(ended.out, "largest step ");
@@ -198,9 +188,8 @@ TEST(Fault83, LostTorquesDoNotStepFartherThanTheRobotAllows) {
 TEST(Fault84, ARobotThatReportsAFaultInMotionEndsTheRunAndComesToRest) {
     const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--fault-at", "1.3"});
-    const Outcome o = run(makeRun(robot, folder / "run", "100"));
-    EXPECT_EQ(o.code, 4) << o.out << o.err;
-    expectContains(o.err, {"any more: it reports a fault of its own; find and clear it at the robot"});
+    expectOutcome(run(makeRun(robot, folder / "run", "100")), 4,
+                  {"any more: it reports a fault of its own; find and clear it at the robot"});
     expectLimitsKept(readCase(folder / "run", "linked"));
     robot.await("it has come to rest in ");
 }
@@ -232,38 +221,34 @@ TEST(LinkProgram, SharedMemoryOfARobotThatHasEndedIsNoRobot) {
         const int fd = shm_open(file.c_str(), O_RDWR, 0600);
         EXPECT_EQ(fd >= 0, signal == SIGKILL);
         if (fd >= 0) close(fd);
-        const Outcome o =
+        expectOutcome(
             run({"run", kLinkedExperiment, "--case", "linked", "--out", folder / ("run" + std::to_string(signal)),
                  "--set", "cases.linked.real_plant.address=" + robot.address(), "--set",
-                 "cases.linked.real_plant.connect_timeout_s=0.1"});
-        EXPECT_EQ(o.code, 2) << o.out;
-        expectContains(o.err, {signal == SIGKILL ? "there is no robot: the one that had this shared memory is gone"
-                                                 : "cannot be called: there is no robot: No such file",
-                               "See that `viable robot` or the robot's driver runs there"});
+                 "cases.linked.real_plant.connect_timeout_s=0.1"}),
+            2,
+            {signal == SIGKILL ? "there is no robot: the one that had this shared memory is gone"
+                               : "cannot be called: there is no robot: No such file",
+             "See that `viable robot` or the robot's driver runs there"});
     }
 }
 
 TEST(LinkProgram, WhatCannotBeServedOrCalledIsRefused) {
-    const auto expectRefused = [](const std::vector<std::string>& arguments, const std::vector<std::string>& words) {
-        const Outcome o = run(arguments);
-        EXPECT_EQ(o.code, 2) << o.out << o.err;
-        expectContains(o.err, words);
-    };
-    expectRefused({"robot", kLinkedExperiment},
-                  {"it has 2 cases, and one arm is served. Name it with --case: simulated, linked"});
-    expectRefused({"robot", kLinkedExperiment, "--case", "linked"},
-                  {"its real arm, 'link', is itself a robot elsewhere. Name a case with a simulated one"});
-    expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--listen", "nowhere"},
-                  {"nowhere: an address is numeric", "--listen ADDRESS:PORT"});
-    expectRefused(
-        {"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "README.md"},
+    expectRun({"robot", kLinkedExperiment}, 2,
+              {"it has 2 cases, and one arm is served. Name it with --case: simulated, linked"});
+    expectRun({"robot", kLinkedExperiment, "--case", "linked"}, 2,
+              {"its real arm, 'link', is itself a robot elsewhere. Name a case with a simulated one"});
+    expectRun({"robot", kLinkedExperiment, "--case", "simulated", "--listen", "nowhere"}, 2,
+              {"nowhere: an address is numeric", "--listen ADDRESS:PORT"});
+    expectRun(
+        {"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "README.md"}, 2,
         {"--key-file README.md: other users can read or write it (mode 644); if nobody did: chmod 600 README.md"});
-    expectRefused({"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "", "--duration", "0.1"},
-                  {"--key-file ", "it cannot be read: No such file"});
+    expectRun({"robot", kLinkedExperiment, "--case", "simulated", "--key-file", "", "--duration", "0.1"}, 2,
+              {"--key-file ", "it cannot be read: No such file"});
     const TemporaryFolder folder;
-    expectRefused(
+    expectRun(
         {"run", kLinkedExperiment, "--case", "linked", "--out", folder / "run", "--set",
          "cases.linked.real_plant.address=shm:viable-nobody", "--set", "cases.linked.real_plant.connect_timeout_s=0.1"},
+        2,
         {"the plant plugin 'link'", "the robot at shm:viable-nobody cannot be called: there is no robot",
          "See that `viable robot` or the robot's driver runs there"});
 }

@@ -1,17 +1,12 @@
 // `viable live` and `viable run LOG --again`.
-#include <arpa/inet.h>
 #include <fcntl.h>
-#include <netinet/in.h>
 #include <sys/ioctl.h>
-#include <sys/socket.h>
 
 #include <nlohmann/json.hpp>
 #include <thread>
 
 #include "../tools/page/TlsClient.h"
-#include "ExpectContains.h"
 #include "RobotProcess.h"
-#include "records/LogReader.h"
 
 namespace viable::test {
 namespace {
@@ -58,10 +53,9 @@ TEST(Live, DrivesACaseInRealTimeAndItsLogReplaysToTheBit) {
     EXPECT_GE(live["ticks"], 1700);
     EXPECT_EQ(live["compute"]["count"], live["ticks"]);
     EXPECT_FALSE(live["wake_up"]["buckets_us"].empty());
-    const Outcome again = run({"run", (folder / "run" / "simulated.mcap").string(), "--again"});
-    EXPECT_EQ(again.code, 0) << again.err;
-    expectContains(again.out, {"simulated: replayed " + std::to_string(live["ticks"].get<int>()) + " ticks",
-                               "all equal to the log, to the bit"});
+    expectRun({"run", (folder / "run" / "simulated.mcap").string(), "--again"}, 0,
+              {"simulated: replayed " + std::to_string(live["ticks"].get<int>()) + " ticks",
+               "all equal to the log, to the bit"});
 }
 
 TEST(Live, ASignalBrakesTheArm) {
@@ -72,8 +66,7 @@ TEST(Live, ASignalBrakesTheArm) {
         await(program, "running (program)");
         sleepFor(0.8);
         kill(program.pid(), signal);
-        const Outcome o = program.wait();
-        EXPECT_EQ(o.code, 128 + signal) << o.out << o.err;
+        expectOutcome(program.wait(), 128 + signal);
         EXPECT_EQ(listChanges(readLive(folder / name)),
                   (std::vector<std::string>{"running (program)", "stopping (signal)", "stopped (program)"}));
     }
@@ -220,15 +213,13 @@ TEST(LiveLink, BeyondTheFilesDurationUntilASignalTheRobotMissesNothing) {
         await(program, "running (program)");
         sleepFor(2.0);  // more than the file's duration, in the robot's time
         kill(program.pid(), SIGTERM);
-        const Outcome o = program.wait();
-        EXPECT_EQ(o.code, 128 + SIGTERM) << o.out << o.err;
+        expectOutcome(program.wait(), 128 + SIGTERM);
         const json one = json::parse(readFile(folder / name / "summary.json"))["cases"][0];
         EXPECT_EQ(one["live"]["clock"], "plant");
         EXPECT_GT(one["live"]["changes"][1]["time_s"], 0.6);
         expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
         expectNoLapse(robot.end(SIGINT));
-        const Outcome again = run({"run", (folder / name / "linked.mcap").string(), "--again"});
-        EXPECT_EQ(again.code, 0) << again.err;
+        expectRun({"run", (folder / name / "linked.mcap").string(), "--again"}, 0);
     }
 }
 
@@ -236,9 +227,8 @@ TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
     const TemporaryFolder folder;
     Robot robot(true, {"--clock", "0.5", "--stay"});
     ASSERT_EQ(run(makeLinked(robot, folder / "first", {"--duration", "1.7"})).code, 0);
-    const Outcome refused = run(makeLinked(robot, folder / "second", {"--duration", "0.5"}));
-    EXPECT_EQ(refused.code, 2);
-    expectContains(refused.err, {"does not stand where the file starts", "viable live --from-here"});
+    expectOutcome(run(makeLinked(robot, folder / "second", {"--duration", "0.5"})), 2,
+                  {"does not stand where the file starts", "viable live --from-here"});
     sleepFor(10.0);  // the robot's own hold comes to rest: the robust loop answers what is left of a motion
     const Outcome o = run(makeLinked(robot, folder / "third", {"--duration", "0.5", "--from-here"}));
     ASSERT_EQ(o.code, 0) << o.out << o.err;
@@ -261,8 +251,7 @@ TEST(LiveLink, ASecondRunStartsWhereTheFirstOneEndedWithoutAStep) {
         EXPECT_NEAR(get("nominal." + joint + ".q_rad"), get("real." + joint + ".q_rad"), 5e-4);
         EXPECT_LT(std::abs(get("robust." + joint + ".tau_Nm")), 0.5);
     }
-    const Outcome again = run({"run", log.string(), "--again"});
-    EXPECT_EQ(again.code, 0) << again.err;
+    expectRun({"run", log.string(), "--again"}, 0);
 }
 
 TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
@@ -272,15 +261,12 @@ TEST(LiveLink, ARobotThatIsKilledEndsTheRunAndItsLogReplays) {
     await(program, "running (program)");
     sleepFor(0.6);
     robot.end(SIGKILL);
-    const Outcome o = program.wait();
-    EXPECT_EQ(o.code, 4) << o.out << o.err;
-    expectContains(o.err, {"no state has come for"});
+    expectOutcome(program.wait(), 4, {"no state has come for"});
     const json one = json::parse(readFile(folder / "run" / "summary.json"))["cases"][0];
     EXPECT_EQ(listChanges(one["live"]), (std::vector<std::string>{"running (program)", "stopping (fault)",
                                                                   "stopped (fault)"}));  // it did not stop
     expectContains(one["account"].get<std::string>(), {"all limits kept (nominal arm"});
-    const Outcome again = run({"run", (folder / "run" / "linked.mcap").string(), "--again"});
-    EXPECT_EQ(again.code, 0) << again.err;
+    expectRun({"run", (folder / "run" / "linked.mcap").string(), "--again"}, 0);
 }
 
 /** A page without a browser. @param address  of the program, with a token or a session behind '#' */
@@ -351,9 +337,7 @@ TEST(RunAgain, IsForLogsOfAnyRun) {
                            (folder / "run").string()});
     ASSERT_EQ(o.code, 0) << o.err;
     EXPECT_EQ(run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
-    const Outcome notALog = run({"run", kExperiment, "--again"});
-    EXPECT_EQ(notALog.code, 2);
-    expectContains(notALog.err, {"planar_two_link_linked.yaml"});
+    expectRun({"run", kExperiment, "--again"}, 2, {"planar_two_link_linked.yaml"});
 }
 
 }  // namespace

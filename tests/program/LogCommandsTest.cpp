@@ -12,8 +12,7 @@ namespace fs = std::filesystem;
 
 const char* const kRemedy = ". Choose a folder that exists, may be written to and has room\n";
 
-class LogCommands : public testing::Test {
-protected:
+struct LogCommands : testing::Test {
     static void SetUpTestSuite() {
         const TemporaryFolder folder;
         const Outcome o = run({"run", folder.write("e.yaml", kOneJoint), "--out", folder / "run", "--no-report",
@@ -100,8 +99,7 @@ TEST_F(LogCommands, WhatIsForcedReplacesAWholeFileAndNeverTheLog) {
     ASSERT_EQ(run({"export", path("A.mcap"), "--to", "csv", path("fresh.csv")}).code, 0);
     for (const char* format : {"csv", "hdf5"}) {
         folder_.write("mine", "mine");
-        const Outcome o = run({"export", path("A.mcap"), "--to", format, path("mine"), "--force"});
-        EXPECT_EQ(o.code, 0) << o.err;
+        expectRun({"export", path("A.mcap"), "--to", format, path("mine"), "--force"}, 0);
         if (std::string(format) == "csv") EXPECT_TRUE(readFile(path("mine")) == readFile(path("fresh.csv")));
         EXPECT_GT(readFile(path("mine")).size(), 1000u);
         const Outcome itself = run({"export", path("A.mcap"), "--to", format, path("A.mcap"), "--force"});

@@ -139,9 +139,7 @@ TEST(NewPlugin, Fault72_WritesAllOrNothing) {
     expectContains(o.err, {"new/folder/half/", "this cannot be written: File too large", "Nothing was left behind"});
     EXPECT_TRUE(fs::is_empty(folder.path()));
     // /proc lets nobody make a folder, as a disk that is read-only.
-    const Outcome refused = run({"new", "filter", "half", "--out", "/proc"});
-    EXPECT_EQ(refused.code, 5);
-    expectContains(refused.err, {"/proc", "this cannot be written: "});
+    expectRun({"new", "filter", "half", "--out", "/proc"}, 5, {"/proc", "this cannot be written: "});
 }
 
 // ---------------------------------------------------------------------------------------- robots
@@ -211,10 +209,8 @@ TEST(NewRobot, IsRefusedBlankByBlankAndRunsWhenAllAreFilledIn) {
     const Outcome described = describe(folder / "my_arm");
     EXPECT_EQ(described.code, 0) << described.err;
     expectContains(described.out, {"my_arm: 2 joints, tool frame b", "-inf .. inf", "-12 .. 12"});
-    const Outcome ran =
-        run({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--details", "--set", "duration_s=5"});
-    EXPECT_EQ(ran.code, 0) << ran.err;
-    expectContains(ran.out, {"First run of my_arm", "all limits kept"});
+    expectRun({"run", folder / "my_arm/first_run.yaml", "--out", folder / "out", "--details", "--set", "duration_s=5"},
+              0, {"First run of my_arm", "all limits kept"});
     // By name, from a folder that the environment names.
     const std::string path = folder.path();
     EXPECT_EQ(run({"check", VIABLE_SOURCE_DIR "/experiments/arena_one_joint.yaml", "--set", "robot=my_arm", "--set",
@@ -418,11 +414,9 @@ TEST(NewRobot, APoorUrdfMovesAtItsFirstRunWhichNamesWhatIsAssumed) {
     expectContains(readFile(folder / "arm/README.md"), {"assumption: l1 0.724 kg"});
     const std::string all = "inertia (l2), mass (l1, l3, l4), acceleration_radps2";
     expectContains(describe(folder / "arm").out, {"Assumed, not given: " + all});
-    const Outcome ran =
-        run({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--details", "--set", "duration_s=3"});
-    EXPECT_EQ(ran.code, 0) << ran.err;
-    expectContains(ran.out, {"verdict       all limits kept", "figures of the robot that nobody gave: " + all,
-                             "tool          its joints move it in 4 of 6 directions, 3 of 3 without turning"});
+    expectRun({"run", folder / "arm/hand.yaml", "--out", folder / "out", "--details", "--set", "duration_s=3"}, 0,
+              {"verdict       all limits kept", "figures of the robot that nobody gave: " + all,
+               "tool          its joints move it in 4 of 6 directions, 3 of 3 without turning"});
 }
 
 TEST(NewRobot, AToolThatItsOnlyJointDoesNotMoveGetsNoTask) {

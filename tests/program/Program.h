@@ -3,9 +3,9 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <functional>
 #include <sstream>
 
+#include "ExpectContains.h"
 #include "Paths.h"
 #include "TemporaryFolder.h"
 #include "records/LogReader.h"
@@ -67,6 +67,16 @@ private:
 
 inline Outcome run(std::vector<std::string> arguments, std::function<void()> prepare = {}) {
     return Program(std::move(arguments), std::move(prepare)).wait();
+}
+
+/** A run that ended with this code and said all of this: where it is 0 to its output, else to its errors. */
+inline Outcome expectOutcome(const Outcome& o, int code, const std::vector<std::string>& parts = {}) {
+    EXPECT_EQ(o.code, code) << o.out << o.err;
+    expectContains(code == 0 ? o.out : o.err, parts);
+    return o;
+}
+inline Outcome expectRun(std::vector<std::string> arguments, int code, const std::vector<std::string>& parts = {}) {
+    return expectOutcome(run(std::move(arguments)), code, parts);
 }
 
 }  // namespace viable::test

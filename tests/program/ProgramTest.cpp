@@ -72,9 +72,7 @@ TEST(Program, TheLogCarriesTheResolvedExperimentAndRunsAgainFromIt) {
 
 TEST(Program, CheckReportsEveryCaseWithoutARun) {
     Folder folder;
-    const Outcome o = run({"check", folder.write("e.yaml", kExperiment)});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"A: robot single_joint", "B: robot", "ok"});
+    expectRun({"check", folder.write("e.yaml", kExperiment)}, 0, {"A: robot single_joint", "B: robot", "ok"});
 }
 
 TEST(Program, CheckTellsOfPeopleOnceAndOfEachFilterThatDoesNotKnowThem) {
@@ -102,9 +100,8 @@ TEST(Program, TheExperimentFileOfItsReadmeRunsAsPrinted) {
     const std::size_t begin = readme.find("```yaml\n", section) + 8;
     const std::string yaml = readme.substr(begin, readme.find("```", begin) - begin);
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"My question", "\ncertified ", "\npaper "});
+    expectRun({"run", folder.write("e.yaml", yaml), "--out", folder / "run", "--set", "duration_s=2"}, 0,
+              {"My question", "\ncertified ", "\npaper "});
 }
 
 TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
@@ -135,9 +132,7 @@ TEST(Program, EveryKeyOfAnExperimentFileStandsInTheReadme) {
 TEST(Program, BadInputExitsWith2AndOneParagraph) {
     Folder folder;
     const std::string file = folder.write("e.yaml", std::string(kExperiment) + "duraton_s: 3\n");
-    const Outcome o = run({"run", file, "--out", folder / "run"});
-    EXPECT_EQ(o.code, 2);
-    expectContains(o.err, {"viable: ", file + ":11:", "duraton_s", "duration_s"});
+    expectRun({"run", file, "--out", folder / "run"}, 2, {"viable: ", file + ":11:", "duraton_s", "duration_s"});
     EXPECT_FALSE(std::filesystem::exists(folder / "run"));  // nothing half-made
     EXPECT_EQ(run({"run"}).code, 2);
     EXPECT_EQ(run({"rum"}).code, 2);
@@ -146,13 +141,10 @@ TEST(Program, BadInputExitsWith2AndOneParagraph) {
     expectContains(run({"run", file, "--cse", "A", "--jbos=2"}).err,
                    {"no option `--cse`, did you mean `--case`?", "no option `--jbos`, did you mean `--jobs`?"});
     expectContains(run({"run", file, "A"}).err, {"run: `A` is more than it takes"});
-    const Outcome twoCases = run({"check", folder.write("g.yaml", kExperiment), "--set",
-                                  "cases.A.start={position_rad: 9}", "--set", "cases.B.start={position_rad: -9}"});
-    EXPECT_EQ(twoCases.code, 2);
-    expectContains(twoCases.err, {"2 things are wrong", "1. ", "2. "});
-    const Outcome wrongCase = run({"run", folder.write("f.yaml", kExperiment), "--case", "a"});
-    EXPECT_EQ(wrongCase.code, 2);
-    expectContains(wrongCase.err, {"no case", "A, B"});
+    expectRun({"check", folder.write("g.yaml", kExperiment), "--set", "cases.A.start={position_rad: 9}", "--set",
+               "cases.B.start={position_rad: -9}"},
+              2, {"2 things are wrong", "1. ", "2. "});
+    expectRun({"run", folder.write("f.yaml", kExperiment), "--case", "a"}, 2, {"no case", "A, B"});
 }
 
 TEST(Program, ADeletedCurrentFolderIsToldWithTheRemedy) {
@@ -195,21 +187,17 @@ TEST(Program, APayloadBeyondAllArmsIsBadInputWithItsPlace) {
     for (const char* key : {"real_plant.payload_kg", "disturbance_set.payload_kg"})
         for (const char* mass : {"1e16", "1001"}) {
             const Outcome o =
-                run({"check", "experiments/indy7_real_limits.yaml", "--set", std::string(key) + "=" + mass});
-            EXPECT_EQ(o.code, 2) << o.err;
-            expectContains(o.err, {key, "1000"});
+                expectRun({"check", "experiments/indy7_real_limits.yaml", "--set", std::string(key) + "=" + mass}, 2,
+                          {key, "1000"});
             EXPECT_EQ(o.err.find("SimTK"), std::string::npos) << o.err;
         }
-    const Outcome heavy = run({"check", "experiments/indy7_teleoperation.yaml", "--set", "real_plant.payload_kg=1000"});
-    EXPECT_EQ(heavy.code, 0) << heavy.err;
+    expectRun({"check", "experiments/indy7_teleoperation.yaml", "--set", "real_plant.payload_kg=1000"}, 0);
 }
 
 TEST(Program, HelpAndVersionExitWith0) {
     EXPECT_EQ(run({"--help"}).code, 0);
     EXPECT_EQ(run({"run", "--help"}).code, 0);
-    const Outcome o = run({"--version"});
-    EXPECT_EQ(o.code, 0);
-    expectContains(o.out, {"viable "});
+    expectRun({"--version"}, 0, {"viable "});
 }
 
 TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
@@ -233,14 +221,11 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     EXPECT_EQ(described["plugins"][0]["guarantees_limits"], true);
     EXPECT_EQ(run({"plugins", "--markdown"}).code, 2);  // of one plugin only
     EXPECT_EQ(run({"plugins", "--describe", "tosbp", "--markdown", "--json"}).code, 2);
-    const Outcome robots = run({"robots"});
-    EXPECT_EQ(robots.code, 0);
-    expectContains(robots.out, {"indy7", "single_joint"});
+    expectRun({"robots"}, 0, {"indy7", "single_joint"});
     expectContains(run({"robots", "--describe", "indy7"}).out, {"joint5", "79.79"});
-    const Outcome gains = run({"gains", "panda", "--tick", "0.002", "--delay", "1"});
-    EXPECT_EQ(gains.code, 0) << gains.err;
-    expectContains(gains.out, {"panda at a tick of 0.002 s and a delay of 1 ticks", "joint7",
-                               "Margins: ", "No rotor inertias are given"});
+    expectRun(
+        {"gains", "panda", "--tick", "0.002", "--delay", "1"}, 0,
+        {"panda at a tick of 0.002 s and a delay of 1 ticks", "joint7", "Margins: ", "No rotor inertias are given"});
     RobotFolder mixed, lift;
     makeSlantedArm(mixed);
     mixed.write();
@@ -256,9 +241,7 @@ TEST(Program, PluginsAndRobotsAreListedAndDescribed) {
     expectContains(run({"robots", "--describe", lift.path()}).out,
                    {"position [m]", "velocity [m/s]", "accel. [m/s^2]", "jerk [m/s^3]", "motor [N]"});
     expectContains(run({"gains", lift.path()}).out, {"K_r [Ns/m]", "mass [kg]"});
-    const Outcome wrong = run({"gains", "panda", "--tick", "1"});
-    EXPECT_EQ(wrong.code, 2);
-    expectContains(wrong.err, {"--tick: 1 s is outside [1e-05, 0.1]"});
+    expectRun({"gains", "panda", "--tick", "1"}, 2, {"--tick: 1 s is outside [1e-05, 0.1]"});
 }
 
 TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {
@@ -278,27 +261,23 @@ TEST(Program, ExportWritesCsvAndRefusesToOverwrite) {
 
 TEST(Program, ABrokenGuaranteeExitsWith3AndSaysWhatBroke) {
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
-                           "filter.plugin=liar"});
-    EXPECT_EQ(o.code, 3);
-    expectContains(o.err, {"case A", "'liar'", "guarantees all limits", "jerk"});
+    expectRun({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+               "filter.plugin=liar"},
+              3, {"case A", "'liar'", "guarantees all limits", "jerk"});
     expectContains(readFile(folder / "run/summary.json"), {"\"exit_code\": 3"});
 }
 
 TEST(Fault13, CheckRefusesAStartWithoutAStopInsideTheLimits) {
     Folder folder;
-    const Outcome o =
-        run({"check", folder.write("e.yaml", kExperiment), "--set", "start={position_rad: [3], velocity_radps: [2]}"});
-    EXPECT_EQ(o.code, 2);
-    expectContains(o.err, {"--set start", "joint0 is not viable", "upper position limit by"});
+    expectRun({"check", folder.write("e.yaml", kExperiment), "--set", "start={position_rad: [3], velocity_radps: [2]}"},
+              2, {"--set start", "joint0 is not viable", "upper position limit by"});
 }
 
 TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A",
-                           "--details", "--set", "missed_ticks=[{at_s: 0.5, count: 20}]"});
-    EXPECT_EQ(o.code, 0) << o.err;
-    expectContains(o.out, {"missed ticks 20", "least margin"});
+    expectRun({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--details", "--set",
+               "missed_ticks=[{at_s: 0.5, count: 20}]"},
+              0, {"missed ticks 20", "least margin"});
     expectContains(readFile(folder / "run/summary.json"),
                    {"\"missed_ticks\": 20", "\"unviable_ticks\": ", "\"recovering_ticks\": 0",
                     "\"least_margin\": ", "\"tau_removed_max_Nm\": ", "\"episodes\": "});
@@ -306,10 +285,9 @@ TEST(Fault25, MissedTicksAreRunAndCountedInTheSummary) {
 
 TEST(Fault44, APluginThatThrowsInTheRunExitsWith4AndKeepsTheLog) {
     Folder folder;
-    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
-                           "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"});
-    EXPECT_EQ(o.code, 4);
-    expectContains(o.err, {"case A", "stopped at 0.5000 s (tick 500)", "'throwing_tick'", "it threw"});
+    expectRun({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--set",
+               "filter.plugin=throwing_tick", "--set", "filter.after_ticks=500"},
+              4, {"case A", "stopped at 0.5000 s (tick 500)", "'throwing_tick'", "it threw"});
     EXPECT_GT(countRows(folder / "run/A.mcap"), 500);
 }
 
@@ -320,10 +298,10 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
         const rlimit limit{60000, 60000};
         setrlimit(RLIMIT_FSIZE, &limit);
     };
-    const Outcome o = run(
-        {"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--details"}, limitFiles);
-    EXPECT_EQ(o.code, 5);
-    expectContains(o.err, {"case A", "log could not be written"});
+    const Outcome o = expectOutcome(
+        run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "run", "--case", "A", "--details"},
+            limitFiles),
+        5, {"case A", "log could not be written"});
     expectContains(o.out, {"LOG LOST", "2.000 s simulated"});
     EXPECT_GT(countRows(folder / "run/A.mcap"), 0);  // what was written is readable
 }
@@ -331,9 +309,8 @@ TEST(Fault72, AFullDiskEndsTheLogNotTheRun) {
 TEST(Fault72, AnUnwritableFolderIsRefusedBeforeTheRun) {
     Folder folder;
     folder.write("file", "");
-    const Outcome o = run({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"});
-    EXPECT_EQ(o.code, 5);
-    expectContains(o.err, {"cannot create the folder"});
+    expectRun({"run", folder.write("e.yaml", kExperiment), "--out", folder / "file/run"}, 5,
+              {"cannot create the folder"});
 }
 
 TEST(Fault74, ASecondRunIntoTheSameFolderIsRefused) {
@@ -341,9 +318,7 @@ TEST(Fault74, ASecondRunIntoTheSameFolderIsRefused) {
     const std::string file = folder.write("e.yaml", kExperiment);
     ASSERT_EQ(run({"run", file, "--out", folder / "run"}).code, 0);
     const std::string before = readFile(folder / "run/A.mcap");
-    const Outcome o = run({"run", file, "--out", folder / "run"});
-    EXPECT_EQ(o.code, 2);
-    expectContains(o.err, {"already holds something", "never overwrites"});
+    expectRun({"run", file, "--out", folder / "run"}, 2, {"already holds something", "never overwrites"});
     EXPECT_EQ(readFile(folder / "run/A.mcap"), before);
 }
 
@@ -376,9 +351,8 @@ TEST(Fault74, OfTwoWritersIntoOneFolderOrFileOneIsRefused) {
     std::filesystem::create_directory(sweep);
     const int held = ::open(sweep.c_str(), O_RDONLY | O_DIRECTORY);  // as a sweep that has just begun holds it
     ASSERT_EQ(::flock(held, LOCK_EX), 0);
-    const Outcome o = run({"run", file, "--out", sweep, "--no-report", "--case", "A"});
-    EXPECT_EQ(o.code, 2);
-    expectContains(o.err, {"another run or sweep writes into this folder"});
+    expectRun({"run", file, "--out", sweep, "--no-report", "--case", "A"}, 2,
+              {"another run or sweep writes into this folder"});
     EXPECT_TRUE(std::filesystem::is_empty(sweep));
     ::close(held);
     ASSERT_EQ(run({"run", file, "--out", folder / "run", "--no-report", "--case", "A"}).code, 0);
@@ -427,9 +401,7 @@ TEST(Fault74, AFolderThatAKilledRunHasClaimedIsRefusedWithTheRemedy) {
     std::filesystem::create_directory(folder / "run");
     const std::string claim = folder.write("run/run.claim", "");
     const std::vector<std::string> arguments{"run", file, "--out", folder / "run", "--no-report", "--case", "A"};
-    const Outcome o = run(arguments);
-    EXPECT_EQ(o.code, 2);
-    expectContains(o.err, {"another run has this folder", "if that run was killed, delete " + claim});
+    expectRun(arguments, 2, {"another run has this folder", "if that run was killed, delete " + claim});
     std::filesystem::remove(claim);
     EXPECT_EQ(run(arguments).code, 0);
 }
@@ -518,9 +490,7 @@ TEST(Fault75, ARunUnderNohupOutlivesItsTerminal) {
     for (int i = 0; i < 3; ++i) kill(program.pid(), SIGHUP);
     awaitLog(2 * size);
     kill(program.pid(), SIGTERM);
-    const Outcome o = program.wait();
-    EXPECT_EQ(o.code, 128 + SIGTERM);
-    expectContains(o.err, {"ended early by signal 15"});
+    expectOutcome(program.wait(), 128 + SIGTERM, {"ended early by signal 15"});
 }
 
 // A plugin that never returns keeps the arm from braking: only the second signal ends such a run.

@@ -1,12 +1,10 @@
 #pragma once
 
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mman.h>
 #include <time.h>
 
 #include <atomic>
-#include <memory>
 
 #include "Program.h"
 

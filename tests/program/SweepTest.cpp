@@ -1,5 +1,4 @@
 // `viable sweep` from outside: the same table however it is run, and nothing lost whatever dies (faults 76 and 77).
-#include <gtest/gtest.h>
 #include <signal.h>
 
 #include <nlohmann/json.hpp>
@@ -43,8 +42,7 @@ cases:
       how: ~choice(not, not, not, segfaults, exits, is_killed, hangs, refuses)
 )";
 
-class Sweep : public ::testing::Test {
-protected:
+struct Sweep : ::testing::Test {
     void SetUp() override {
 #ifdef __SANITIZE_THREAD__
         GTEST_SKIP() << "oneTBB is not built with the sanitizer: it would be blamed";
@@ -58,8 +56,7 @@ protected:
     }
     /** A sweep that must go well; returns its table. */
     std::string sweep(const std::string& out, std::vector<std::string> more) {
-        const Outcome o = run(arguments(folder_ / out, std::move(more)));
-        EXPECT_EQ(o.code, 0) << o.out << o.err;
+        expectOutcome(run(arguments(folder_ / out, std::move(more))), 0);
         return readFile(folder_ / (out + "/sweep.csv"));
     }
     SweepStore open(const std::string& out) const {
@@ -129,8 +126,7 @@ TEST_F(Fault77_Sweep, IsTheSameToTheLastBitHoweverItIsRun) {
         sweep(out, {"--runs", "24", "--shard", std::string(i) + "/3"});
         merge.push_back(folder_ / out);
     }
-    const Outcome o = run(merge);
-    EXPECT_EQ(o.code, 0) << o.err;
+    expectOutcome(run(merge), 0);
     EXPECT_EQ(readFile(folder_ / "whole/sweep.csv"), one);
     sweep("more", {"--runs", "12"});
     EXPECT_EQ(sweep("more", {"--runs", "24"}), one);
@@ -185,8 +181,7 @@ TEST_F(Fault76_Sweep, KilledInTheMiddleLosesNoRun) {
         seen = countRuns("child") + 10;
         for (const pid_t child : findChildren(program.pid())) ::kill(child, SIGKILL);
     }
-    const Outcome o = program.wait();
-    EXPECT_EQ(o.code, 0) << o.err;
+    expectOutcome(program.wait(), 0);
     EXPECT_EQ(readFile(folder_ / "child/sweep.csv"), whole);
 
     for (const int signal : {SIGKILL, SIGINT}) {
@@ -322,25 +317,20 @@ TEST_F(Sweep, ABrokenGuaranteeOnTheRealArmIsNotOk) {
 }
 
 TEST_F(Sweep, ChecksWhatItIsGiven) {
-    const auto expectRefusal = [&](const std::vector<std::string>& more, const std::string& what) {
-        const Outcome o = run(more);
-        EXPECT_EQ(o.code, 2) << o.out;
-        EXPECT_NE(o.err.find(what), std::string::npos) << o.err;
-    };
-    expectRefusal({"run", file_}, "`--draw SEED:INDEX` takes the values of one of its runs");
-    expectRefusal({"run", file_, "--draw", "1"}, "Write SEED:INDEX");
-    expectRefusal({"sweep", file_}, "--runs N");
-    expectRefusal({"sweep", file_, "--runs", "2", "--shard", "2/2"}, "i from 0 to N-1");
-    expectRefusal({"sweep", "experiments/arena.yaml", "--runs", "2", "--out", folder_ / "x"},
-                  "nothing in this file is drawn");
-    expectRefusal(arguments(folder_ / "x", {"--runs", "2", "--case", "C"}), "Its cases: A, B");
+    expectRun({"run", file_}, 2, {"`--draw SEED:INDEX` takes the values of one of its runs"});
+    expectRun({"run", file_, "--draw", "1"}, 2, {"Write SEED:INDEX"});
+    expectRun({"sweep", file_}, 2, {"--runs N"});
+    expectRun({"sweep", file_, "--runs", "2", "--shard", "2/2"}, 2, {"i from 0 to N-1"});
+    expectRun({"sweep", "experiments/arena.yaml", "--runs", "2", "--out", folder_ / "x"}, 2,
+              {"nothing in this file is drawn"});
+    expectRun(arguments(folder_ / "x", {"--runs", "2", "--case", "C"}), 2, {"Its cases: A, B"});
     sweep("s", {"--runs", "2"});
-    expectRefusal(arguments(folder_ / "s", {"--runs", "2", "--seed", "3"}), "its seed is 1, not 3");
-    expectRefusal(arguments(folder_ / "s", {"--runs", "2", "--set", "duration_s=0.2"}),
-                  "the experiment file, its overrides");
-    expectRefusal(arguments(folder_ / "s", {"--runs", "1"}), "--runs 2 continues it");
+    expectRun(arguments(folder_ / "s", {"--runs", "2", "--seed", "3"}), 2, {"its seed is 1, not 3"});
+    expectRun(arguments(folder_ / "s", {"--runs", "2", "--set", "duration_s=0.2"}), 2,
+              {"the experiment file, its overrides"});
+    expectRun(arguments(folder_ / "s", {"--runs", "1"}), 2, {"--runs 2 continues it"});
     sweep("t", {"--runs", "2", "--seed", "3"});
-    expectRefusal({"sweep", "--merge", folder_ / "s", folder_ / "t", "--out", folder_ / "m"}, "its seed is 1, not 3");
+    expectRun({"sweep", "--merge", folder_ / "s", folder_ / "t", "--out", folder_ / "m"}, 2, {"its seed is 1, not 3"});
 }
 
 // Even one that no run has drawn yet.
@@ -354,9 +344,7 @@ TEST_F(Sweep, APluginBuiltAnewBeginsAnotherSweep) {
     sweep("s", {"--runs", "1", choice});
     sweep("s", {"--runs", "1", choice});
     std::ofstream(own, std::ios::app) << "x";
-    const Outcome o = run(arguments(folder_ / "s", {"--runs", "1", choice}));
-    EXPECT_EQ(o.code, 2) << o.out;
-    EXPECT_NE(o.err.find("a plugin or the program is another"), std::string::npos) << o.err;
+    expectRun(arguments(folder_ / "s", {"--runs", "1", choice}), 2, {"a plugin or the program is another"});
 }
 
 TEST_F(Sweep, AgainDoesLostRunsOnceMore) {
@@ -385,14 +373,10 @@ TEST_F(Sweep, AFileSizeLimitIsToldAndTheSweepGoesOnFromThere) {
 }
 
 TEST_F(Sweep, CheckTriesRunsAndTheEndsOfTheirRanges) {
-    const Outcome o = run({"check", file_});
-    EXPECT_EQ(o.code, 0) << o.err;
-    EXPECT_NE(o.out.find("5 values drawn; 10 runs and 10 ends of their ranges tried"), std::string::npos) << o.out;
+    expectRun({"check", file_}, 0, {"5 values drawn; 10 runs and 10 ends of their ranges tried"});
     // None of the ten runs has drawn it.
-    const Outcome bad =
-        run({"check", file_, "--set", "tick_s=~choice(0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 7)"});
-    EXPECT_EQ(bad.code, 2) << bad.out;
-    EXPECT_NE(bad.err.find("tick_s"), std::string::npos) << bad.err;
+    expectRun({"check", file_, "--set", "tick_s=~choice(0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 7)"}, 2,
+              {"tick_s"});
     EXPECT_EQ(run({"check", file_, "--draw", "9:4"}).code, 0);
 }
 

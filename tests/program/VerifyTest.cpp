@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
@@ -6,7 +5,6 @@
 #include <random>
 
 #include "Program.h"
-#include "records/LogReader.h"
 
 // `viable verify` and `viable identify` from outside: exit codes, words, files, and what they say against what a
 // simulation knows.
@@ -18,8 +16,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 
 /** The main experiment's real arm, its readings and its truth. */
-class Verify : public testing::Test {
-protected:
+struct Verify : testing::Test {
     static void SetUpTestSuite() {
         folder_ = std::make_unique<TemporaryFolder>();
         const Outcome o = run({"run", "experiments/indy7_teleoperation.yaml", "--case", "C3", "--set", "duration_s=10",
@@ -214,8 +211,7 @@ TEST_F(Verify, TellsTheJerkOfAHumanHand) {
     const std::string recording = VIABLE_SOURCE_DIR "/../shared/data/freiburg1_xyz-groundtruth.txt";
     if (!fs::exists(recording)) GTEST_SKIP() << "the recorded motion " << recording << " is not here";
     const std::string file = *folder_ / "hand.json";
-    const Outcome o = run({"verify", recording, "--columns", "timestamp:s,tx:m,ty:m,tz:m", "--json", file});
-    EXPECT_EQ(o.code, 0) << o.err;
+    expectRun({"verify", recording, "--columns", "timestamp:s,tx:m,ty:m,tz:m", "--json", file}, 0);
     const json verdict = json::parse(readFile(file));
     ASSERT_EQ(verdict.at("joints").size(), 3u);
     for (const json& joint : verdict.at("joints")) {
@@ -233,8 +229,7 @@ TEST_F(Verify, TellsTheJerkOfAHumanHand) {
 
 TEST_F(Verify, IdentifiesTheFrictionOfTheMainExperiment) {
     const std::string actuation = *folder_ / "actuation.yaml";
-    const Outcome o = run({"identify", log(), "--out", actuation, "--json", *folder_ / "figures.json"});
-    EXPECT_EQ(o.code, 0) << o.err;
+    expectRun({"identify", log(), "--out", actuation, "--json", *folder_ / "figures.json"}, 0);
     EXPECT_NE(readFile(actuation).find("coulomb_Nm"), std::string::npos);
     const json figures = json::parse(readFile(*folder_ / "figures.json"));
     EXPECT_EQ(figures.at("joints").size(), 6u);

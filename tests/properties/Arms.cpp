@@ -112,28 +112,18 @@ Adversary::Adversary(Random& random, const AxisLimits& limits)
 }
 
 double Adversary::want(std::int64_t tick, double last, double stored) {
-    switch (kind_) {
-        case HeldRandom:
-            if (--left_ <= 0) left_ = random_.integer(1, 500), value_ = random_.uniform(-1.5, 1.5);
-            return scale(value_);
-        case BangBang:
-            if (--left_ <= 0) left_ = random_.integer(1, 800), value_ = -value_;
-            return scale(value_);
-        case TwoTickBang:
-            return tick / 2 % 2 ? 1e9 : -1e9;
-        case Greedy:
-            return tick / 2000 % 2 ? -1e300 : 1e300;
-        case SineAtLimit:
-            return scale(2.0 * std::sin(6.283185307 * static_cast<double>(tick) / period_ + phase_));
-        case AtTheCorner:  // what was granted, a hair more; or the stop, a hair less
-            return random_.chance(0.5) ? std::nextafter(last, value_ * INFINITY)
-                                       : std::nextafter(stored, -value_ * INFINITY);
-        case Noise:
-            return scale(random_.uniform(-3.0, 3.0) + value_);
-        case kKinds:
-            break;
+    if (kind_ == TwoTickBang) return tick / 2 % 2 ? 1e9 : -1e9;
+    if (kind_ == Greedy) return tick / 2000 % 2 ? -1e300 : 1e300;
+    if (kind_ == SineAtLimit) return scale(2.0 * std::sin(6.283185307 * static_cast<double>(tick) / period_ + phase_));
+    if (kind_ == AtTheCorner)  // what was granted, a hair more; or the stop, a hair less
+        return random_.chance(0.5) ? std::nextafter(last, value_ * INFINITY)
+                                   : std::nextafter(stored, -value_ * INFINITY);
+    if (kind_ == Noise) return scale(random_.uniform(-3.0, 3.0) + value_);
+    if (--left_ <= 0) {
+        left_ = random_.integer(1, kind_ == HeldRandom ? 500 : 800);
+        value_ = kind_ == HeldRandom ? random_.uniform(-1.5, 1.5) : -value_;
     }
-    return 0.0;
+    return scale(value_);
 }
 
 Arm::Arm(Random& random)

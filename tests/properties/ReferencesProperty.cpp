@@ -53,24 +53,13 @@ public:
 
     double at(double t) {
         const double middle = (l_.positionLower + l_.positionUpper) / 2.0, half = l_.positionUpper - middle;
-        switch (kind_) {
-            case Jumps:
-                if (random_.chance(0.05)) rest_ = random_.uniform(l_.positionLower - half, l_.positionUpper + half);
-                return rest_;
-            case Resting:
-                return rest_;
-            case Ramp:
-                return middle + half * (2.0 * std::abs(std::fmod(rate_ * t, 2.0) - 1.0) - 1.0) * 1.2;
-            case Wave:
-                return middle + half * 1.2 * std::sin(3.0 * rate_ * t + phase_);
-            case Noise:
-                return random_.uniform(l_.positionLower, l_.positionUpper);
-            case Beyond:
-                return random_.chance(0.5) ? 1e7 : -1e7;
-            case kKinds:
-                break;
-        }
-        return 0.0;
+        if (kind_ == Ramp) return middle + half * (2.0 * std::abs(std::fmod(rate_ * t, 2.0) - 1.0) - 1.0) * 1.2;
+        if (kind_ == Wave) return middle + half * 1.2 * std::sin(3.0 * rate_ * t + phase_);
+        if (kind_ == Noise) return random_.uniform(l_.positionLower, l_.positionUpper);
+        if (kind_ == Beyond) return random_.chance(0.5) ? 1e7 : -1e7;
+        if (kind_ == Jumps && random_.chance(0.05))
+            rest_ = random_.uniform(l_.positionLower - half, l_.positionUpper + half);
+        return rest_;
     }
 
 private:

@@ -17,8 +17,7 @@ class Law:
         return dynamics.b
 )";
 
-class InProcess : public ::testing::Test {
-protected:
+struct InProcess : ::testing::Test {
     InProcess() {
         py::module_::import("sys").attr("modules")["mark_of_the_host"] = py::none();
         std::string law = kLaw;

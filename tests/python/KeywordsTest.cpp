@@ -41,8 +41,7 @@ PYBIND11_EMBEDDED_MODULE(hand, module) {
         .def_property_readonly("force", &Gripper::force);
 }
 
-class OneLine : public ::testing::Test {
-protected:
+struct OneLine : ::testing::Test {
     static std::string run(const std::string& expression) {
         return py::str(py::eval(expression, py::module_::import("hand").attr("__dict__")));
     }

@@ -52,8 +52,7 @@ double calcGap(const LinkCapsule& a, const LinkCapsule& b, const std::vector<Eig
            a.radius - b.radius;
 }
 
-class CollisionFileTest : public ::testing::TestWithParam<std::string> {
-protected:
+struct CollisionFileTest : ::testing::TestWithParam<std::string> {
     RobotDescription robot_ = loadRobot(VIABLE_SOURCE_DIR "/robots/" + GetParam());
     ArmGeometry arm_ = loadArmGeometry(robot_);
 };
@@ -78,7 +77,7 @@ TEST_P(CollisionFileTest, EveryJointMovesACapsule) {
 /** Points all over the cylinders of the URDF are inside of a capsule of the same link. */
 TEST_P(CollisionFileTest, TheCapsulesContainWhatIsDrawn) {
     int count = 0;
-    for (const LinkShapes& link : loadShapes(robot_)) {
+    for (const LinkShapes& link : loadShapes(robot_))
         for (const LinkShape& shape : link.shapes) {
             if (shape.kind == LinkShape::Kind::Capsule) continue;  // drawn from the file itself
             ASSERT_EQ(shape.kind, LinkShape::Kind::Cylinder);
@@ -96,7 +95,6 @@ TEST_P(CollisionFileTest, TheCapsulesContainWhatIsDrawn) {
                 ASSERT_LE(nearest, 1e-9) << link.link;
             }
         }
-    }
     if (GetParam() == "panda" || GetParam() == "ur5e") EXPECT_GE(count, 7 * 600);
 }
 

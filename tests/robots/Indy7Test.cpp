@@ -10,8 +10,7 @@ constexpr double kDegree = EIGEN_PI / 180.0;
 constexpr const char* kIndy7Figures = VIABLE_SOURCE_DIR "/../shared/data/indy7_figures.json";
 
 /** robots/indy7 against published and logged figures. */
-class Indy7Test : public ::testing::Test {
-protected:
+struct Indy7Test : ::testing::Test {
     void SetUp() override { readFigures(kIndy7Figures, figures_); }
     Dynamics calc(const JointVector& q) {
         Dynamics dynamics;

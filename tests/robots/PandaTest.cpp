@@ -10,8 +10,7 @@ namespace {
 constexpr const char* kPandaFigures = VIABLE_SOURCE_DIR "/../shared/data/panda_figures.json";
 
 /** robots/panda by itself and against the vendor's documentation. */
-class PandaTest : public ::testing::Test {
-protected:
+struct PandaTest : ::testing::Test {
     RobotDescription robot_ = loadRobot(VIABLE_SOURCE_DIR "/robots/panda");
     RobotModel model_{robot_};
 };
@@ -74,8 +73,7 @@ TEST_F(PandaTest, FrictionIsTheOddPartOfThePublishedLaw) {
 }
 
 /** Against the collected figures, where they are. */
-class PandaFiguresTest : public PandaTest {
-protected:
+struct PandaFiguresTest : PandaTest {
     void SetUp() override { readFigures(kPandaFigures, figures_); }
     const nlohmann::json& variant() const { return figures_["variants"]["fer"]; }
     nlohmann::json figures_;

@@ -8,8 +8,7 @@ namespace {
 constexpr const char* kUr5eFigures = VIABLE_SOURCE_DIR "/../shared/data/ur5e_figures.json";
 
 /** robots/ur5e by itself and against the vendor's documentation. */
-class Ur5eTest : public ::testing::Test {
-protected:
+struct Ur5eTest : ::testing::Test {
     RobotDescription robot_ = loadRobot(VIABLE_SOURCE_DIR "/robots/ur5e");
     RobotModel model_{robot_};
 };
@@ -58,8 +57,7 @@ TEST_F(Ur5eTest, TensorsAreTurnedWithTheCentresOfMass) {
 }
 
 /** Against the collected figures, where they are. */
-class Ur5eFiguresTest : public Ur5eTest {
-protected:
+struct Ur5eFiguresTest : Ur5eTest {
     void SetUp() override { readFigures(kUr5eFigures, figures_); }
     nlohmann::json figures_;
 };

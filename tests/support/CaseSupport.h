@@ -91,9 +91,14 @@ struct TestLoop {
           configured(configureCase(experiment.cases.front())),
           loop(configured->setup, std::move(configured->plugins),
                {nullptr, experiment.cases.front().feedsExternalTorque}) {}
+    void tick(int count = 1) {
+        for (int k = 0; k < count; ++k) loop.tick(record);
+    }
+
     Experiment experiment;
     std::unique_ptr<ConfiguredCase> configured;
     ControlLoop loop;
+    TickRecord record;  ///< of the last tick
 };
 
 inline bool allFinite(const TickRecord& r) {

@@ -13,8 +13,7 @@
 namespace viable::test {
 
 /** A folder of its own for each test, gone afterwards. */
-class LogTestBase : public ::testing::Test {
-protected:
+struct LogTestBase : ::testing::Test {
     std::filesystem::path path(const std::string& name) const { return folder_ / name; }
     /** The names in it, sorted. */
     std::vector<std::string> listFolder() const { return listNames(folder_); }
@@ -125,26 +124,14 @@ public:
 private:
     double number() {
         using Limits = std::numeric_limits<double>;
-        switch (random_() % 12) {
-            case 0:
-                return Limits::infinity();
-            case 1:
-                return -Limits::infinity();
-            case 2:
-                return -0.0;
-            case 3:
-                return Limits::denorm_min();
-            case 4:
-                return Limits::max();
-            case 5:
-                return Limits::quiet_NaN();
-            default: {
-                const std::uint64_t bits = random_();
-                double v;
-                std::memcpy(&v, &bits, sizeof(v));
-                return std::isnan(v) ? 0.1 : v;
-            }
-        }
+        const double odd[] = {Limits::infinity(),   -Limits::infinity(), -0.0,
+                              Limits::denorm_min(), Limits::max(),       Limits::quiet_NaN()};
+        const auto kind = random_() % 12;
+        if (kind < std::size(odd)) return odd[kind];
+        const std::uint64_t bits = random_();
+        double v;
+        std::memcpy(&v, &bits, sizeof(v));
+        return std::isnan(v) ? 0.1 : v;
     }
     JointVector joints() {
         JointVector v(static_cast<Eigen::Index>(layout_.jointNames.size()));
@@ -291,6 +278,14 @@ inline std::vector<TickRecord> readAll(LogReader& reader) {
     TickRecord record;
     while (reader.read(record)) records.push_back(record);
     return records;
+}
+
+/** The same rows, to the last bit. */
+inline void expectSameRows(const std::vector<TickRecord>& rows, const std::vector<TickRecord>& expected,
+                           const LogLayout& layout) {
+    ASSERT_EQ(rows.size(), expected.size());
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        ASSERT_EQ(getBits(rows[i], layout), getBits(expected[i], layout)) << "row " << i;
 }
 
 /** The text of the Error that `call` throws; its kind is checked, too. */

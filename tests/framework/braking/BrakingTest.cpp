@@ -47,16 +47,14 @@ AxisState drawState(std::mt19937_64& random, const AxisLimits& l) {
 
 /** What holds for both policies. */
 template <class Stop>
-class BrakingPolicy : public ::testing::Test {
-protected:
+struct BrakingPolicy : ::testing::Test {
     static Stop calc(double v, double a, const AxisLimits& l) {
         return calcStop(static_cast<const Stop*>(nullptr), v, a, l);
     }
     std::mt19937_64 random_{1};
 };
 using Policies = ::testing::Types<StationaryStop, VelocityZeroingStop>;
-class PolicyNames {
-public:
+struct PolicyNames {
     template <class Stop>
     static std::string GetName(int) {
         return std::is_same_v<Stop, StationaryStop> ? "stationary" : "velocity_zeroing";

@@ -308,14 +308,13 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
                 check.beginTick();
                 check.examine(sibling, time_s, demands, JointVector::Zero(n), {1, {&known}}, false, first);
                 check.examine(next, time_s, demands, JointVector::Zero(n), {2, {&known, &other}}, false, result);
-                for (std::size_t e = 0; e < elements; ++e) {
+                for (std::size_t e = 0; e < elements; ++e)
                     for (const ArmStopCheck::Result* r : {&first, &result}) {
                         ++asked;  // the profile of an element that was looked at is this path's own
                         saved += r->profile[e].lost > 0.0 || r->profile[e].begin_s < 0.0;
                     }
-                }
                 // Of every element: what is proven with what is known is nowhere more than a look shows.
-                if (tick % 4 == 0 || step > 1) {
+                if (tick % 4 == 0 || step > 1)
                     for (const auto& [examined, found] : {std::pair(&sibling, &first), std::pair(&next, &result)}) {
                         plain.beginTick();
                         plain.examine(*examined, time_s, everything, JointVector::Zero(n), {}, false, all);
@@ -325,7 +324,6 @@ TEST(ArmStopCheck, WhatIsKnownOfOnePathHoldsForTheNext) {
                             elementTooMuch = std::max(elementTooMuch, found->proven[e] - all.seen[e]);
                         }
                     }
-                }
                 if (tick % 4 == 0 || step > 1) {
                     double least = kInfinity;
                     JointVector q, qd, qdd, tau;

@@ -132,7 +132,7 @@ TEST(ConfigMapTest, Fault02_UnknownKeyNamesTheClosestKnownOne) {
 
 TEST(ConfigMapTest, Fault02_EveryOneLetterSlipIsFound) {
     const std::vector<std::string> keys = {"velocity_radps", "gamma", "tick_s", "plugin"};
-    for (const std::string& key : keys) {
+    for (const std::string& key : keys)
         for (std::size_t i = 0; i < key.size(); ++i) {
             std::string dropped = key;
             dropped.erase(i, 1);
@@ -145,7 +145,6 @@ TEST(ConfigMapTest, Fault02_EveryOneLetterSlipIsFound) {
                 expectError({"`" + slip + "` is unknown", "Did you mean `" + key + "`?"}, [&] { map.finish(); });
             }
         }
-    }
 }
 
 TEST(ConfigMapTest, MissingKeyAndWrongKind) {

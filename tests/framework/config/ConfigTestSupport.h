@@ -32,9 +32,8 @@ inline bool isSameTree(const ConfigNode& a, const ConfigNode& b) {
         a.items.size() != b.items.size() || a.entries.size() != b.entries.size()) {
         return false;
     }
-    for (std::size_t i = 0; i < a.items.size(); ++i) {
+    for (std::size_t i = 0; i < a.items.size(); ++i)
         if (!isSameTree(a.items[i], b.items[i])) return false;
-    }
     for (std::size_t i = 0; i < a.entries.size(); ++i) {
         if (a.entries[i].first != b.entries[i].first || !isSameTree(a.entries[i].second, b.entries[i].second))
             return false;

@@ -101,8 +101,8 @@ TEST(JointLimits, Fault05_DegreesNeedTheFlag) {
 TEST(JointLimits, Fault06_EveryRateLimitOfEveryJointAndSide) {
     const double nan = std::nan("");
     const double bad[] = {0.0, -0.0, -1.0, 4.9e-324, 1e-7, 1.1e7, 1e12, nan, -kInfinity};
-    for (const Group& group : kRates) {
-        for (int joint = 0; joint < 3; ++joint) {
+    for (const Group& group : kRates)
+        for (int joint = 0; joint < 3; ++joint)
             for (const double value : bad) {
                 SCOPED_TRACE(std::string(group.name) + " " + std::to_string(value));
                 const std::string name = "joint `" + kNames[static_cast<std::size_t>(joint)] + "`: " + group.name;
@@ -115,8 +115,6 @@ TEST(JointLimits, Fault06_EveryRateLimitOfEveryJointAndSide) {
                 expectContains(refuse(limits), {"f.yaml:3:9: limits: " + name + "_lower is ",
                                                 "allowed is [-1e+07, -1e-06] or -.inf", "negative"});
             }
-        }
-    }
     JointLimits limits = makeLimits();
     limits.velocity.upper[0] = 1e12;
     expectContains(refuse(limits), {"velocity_upper is 1e+12 rad/s;", "unit and exponent"});

@@ -106,8 +106,7 @@ TEST(WholeFile, WhatAppearsMeanwhileIsNotOverwritten) {
 }
 
 /** The file system has no hard links, and if told so no RENAME_NOREPLACE. */
-class PoorFileSystem {
-public:
+struct PoorFileSystem {
     PoorFileSystem(int code, bool knowsNoReplace) {
         linkCode = code;
         hasNoReplace = knowsNoReplace;

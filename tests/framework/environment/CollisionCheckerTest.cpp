@@ -79,18 +79,11 @@ struct Stick {
 
 double calcPointDistance(const Solid& solid, const Eigen::Vector3d& p) {
     const Eigen::Vector3d local = solid.pose.inverse() * p;
-    switch (solid.kind) {
-        case Solid::Kind::Box:
-            return calcBoxDistance(local, 0.5 * solid.size);
-        case Solid::Kind::Sphere:
-            return std::max(0.0, local.norm() - solid.radius);
-        case Solid::Kind::Cylinder:
-            return std::hypot(std::max(0.0, local.head<2>().norm() - solid.radius),
-                              std::max(0.0, std::abs(local.z()) - 0.5 * solid.length));
-        case Solid::Kind::HalfSpace:
-            return std::max(0.0, local.z());
-    }
-    return 0.0;
+    if (solid.kind == Solid::Kind::Box) return calcBoxDistance(local, 0.5 * solid.size);
+    if (solid.kind == Solid::Kind::Sphere) return std::max(0.0, local.norm() - solid.radius);
+    if (solid.kind == Solid::Kind::HalfSpace) return std::max(0.0, local.z());
+    return std::hypot(std::max(0.0, local.head<2>().norm() - solid.radius),
+                      std::max(0.0, std::abs(local.z()) - 0.5 * solid.length));
 }
 
 TEST(CollisionChecker, DistancesFromSolidsAreExact) {

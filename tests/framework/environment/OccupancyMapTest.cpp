@@ -127,10 +127,9 @@ TEST(OccupancyMap, Fault57_ResolutionAndHeaderAreChecked) {
     const std::string good = "id OcTree\nsize " + size + "\nres 0.05\n";
     ASSERT_EQ(files.findFault(".bt", make(good)), "");
     ASSERT_EQ(files.findFault(".bt", make("# a comment\n" + good)), "");
-    for (const std::string res : {"nan", "0", "-0.1", "1e-300", "inf", "1e300", "0.05x", "", "11", "0.0009"}) {
+    for (const std::string res : {"nan", "0", "-0.1", "1e-300", "inf", "1e300", "0.05x", "", "11", "0.0009"})
         expectContains(files.findFault(".bt", make("id OcTree\nsize " + size + "\nres " + res + "\n")),
                        {"the map's resolution is `" + res + "` m, allowed: 0.001 to 10"});
-    }
     const std::vector<std::pair<std::string, std::string>> wrong = {
         {"id ColorOcTree\nsize " + size + "\nres 0.05\n", "a map of the kind `ColorOcTree`"},
         {"id OcTree\nsize -1\nres 0.05\n", "number of nodes is `-1`"},

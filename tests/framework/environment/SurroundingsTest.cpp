@@ -34,22 +34,13 @@ Environment makeSolids() {
 /** The nearest point of a solid by its own definition in its own frame, for a point outside. */
 Eigen::Vector3d findNearestPoint(const Solid& solid, const Eigen::Vector3d& p) {
     Eigen::Vector3d local = solid.pose.inverse() * p;
-    switch (solid.kind) {
-        case Solid::Kind::Box:
-            local = local.cwiseMin(0.5 * solid.size).cwiseMax(-0.5 * solid.size);
-            break;
-        case Solid::Kind::Sphere:
-            local *= std::min(1.0, solid.radius / local.norm());
-            break;
-        case Solid::Kind::Cylinder: {
-            local.head<2>() *= std::min(1.0, solid.radius / local.head<2>().norm());
-            local.z() = std::min(std::max(local.z(), -0.5 * solid.length), 0.5 * solid.length);
-            break;
-        }
-        case Solid::Kind::HalfSpace:
-            local.z() = std::min(local.z(), 0.0);
-            break;
+    if (solid.kind == Solid::Kind::Box) local = local.cwiseMin(0.5 * solid.size).cwiseMax(-0.5 * solid.size);
+    if (solid.kind == Solid::Kind::Sphere) local *= std::min(1.0, solid.radius / local.norm());
+    if (solid.kind == Solid::Kind::Cylinder) {
+        local.head<2>() *= std::min(1.0, solid.radius / local.head<2>().norm());
+        local.z() = std::min(std::max(local.z(), -0.5 * solid.length), 0.5 * solid.length);
     }
+    if (solid.kind == Solid::Kind::HalfSpace) local.z() = std::min(local.z(), 0.0);
     return solid.pose * local;
 }
 

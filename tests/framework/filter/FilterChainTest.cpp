@@ -73,8 +73,7 @@ Law::Change atMost(double limit) {
     return [limit](double a) { return std::min(a, limit); };
 }
 
-class Chain : public ::testing::Test {
-protected:
+struct Chain : ::testing::Test {
     Law& add(Law::Change change, bool guarantees = false, FilterStatus changed = FilterStatus::Modified) {
         auto* law = new Law(std::move(change), guarantees, changed);
         chain_.add(makePtr(law), nullptr);

@@ -90,8 +90,7 @@ TEST(IsolatedPlugin, ACommandSourceAnswersAsItWouldHere) {
     EXPECT_EQ(limits->jerk.upper, vector(1.5));
 }
 
-class Controller : public NominalController {
-public:
+struct Controller : NominalController {
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     ControllerTraits traits() const override { return {true, false}; }
@@ -159,42 +158,23 @@ public:
 
 private:
     FilterStatus misbehave(FilterDecision& decision) {
-        switch (what_) {
-            case What::Nothing:
-                break;
-            case What::Segfault:
-                raise(SIGSEGV);
-                break;
-            case What::Abort:
-                std::abort();
-            case What::Exit:
-                std::exit(0);
-            case What::Hang:
-                for (;;) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-            case What::Throw:
-                throw std::runtime_error("temper");
-            case What::ThrowInt:
-                throw 3;
-            case What::ThrowError:
-                throw badInput("file:1:2", "wrong", "Mend it.");
-            case What::Rounding:
-                std::fesetround(FE_UPWARD);
-                break;
-            case What::HugeVector: {
-                // What a stray write makes of a vector's size.
-                std::array<Eigen::Index, sizeof(JointVector) / sizeof(Eigen::Index)> words;
-                std::memcpy(&words, static_cast<void*>(&decision.value), sizeof(JointVector));
-                for (Eigen::Index& word : words) word = 100000;
-                std::memcpy(static_cast<void*>(&decision.value), &words, sizeof(JointVector));
-                break;
-            }
-            case What::WildStatus:
-                return static_cast<FilterStatus>(99);
-            case What::CrashWhenDestroyed:
-                crashes_ = true;
-                break;
+        if (what_ == What::Segfault) raise(SIGSEGV);
+        if (what_ == What::Abort) std::abort();
+        if (what_ == What::Exit) std::exit(0);
+        while (what_ == What::Hang) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        if (what_ == What::Throw) throw std::runtime_error("temper");
+        if (what_ == What::ThrowInt) throw 3;
+        if (what_ == What::ThrowError) throw badInput("file:1:2", "wrong", "Mend it.");
+        if (what_ == What::Rounding) std::fesetround(FE_UPWARD);
+        if (what_ == What::HugeVector) {
+            // What a stray write makes of a vector's size.
+            std::array<Eigen::Index, sizeof(JointVector) / sizeof(Eigen::Index)> words;
+            std::memcpy(&words, static_cast<void*>(&decision.value), sizeof(JointVector));
+            for (Eigen::Index& word : words) word = 100000;
+            std::memcpy(static_cast<void*>(&decision.value), &words, sizeof(JointVector));
         }
-        return FilterStatus::Passed;
+        crashes_ = what_ == What::CrashWhenDestroyed;
+        return what_ == What::WildStatus ? static_cast<FilterStatus>(99) : FilterStatus::Passed;
     }
     What what_;
     std::int64_t ticks_ = 0;
@@ -202,8 +182,7 @@ private:
 };
 using What = Filter::What;
 
-class IsolatedFilterTest : public ::testing::Test {
-protected:
+struct IsolatedFilterTest : ::testing::Test {
     void make(What what) {
         plugin_.reset();  // its watch is used again
         plugin_ = isolate<SafetyFilter, Filter>(what == What::Hang ? kPatience_s : 30.0, what);

@@ -103,13 +103,9 @@ TEST(Link, PacketsComeOutAsTheyWentIn) {
         ASSERT_EQ(gotSession.host, session.host);
         ASSERT_EQ(gotSession.robot, session.robot);
 
-        vl_command command{};
-        command.sequence = random();
-        command.echo = random();
-        command.mode = static_cast<vl_mode>(random() % 3);
-        command.repeats = static_cast<int>(random() % 65536);
-        command.joints = sent.joints;
-        command.tick_ns = sent.tick_ns;
+        vl_command command{
+            random(),     random(), static_cast<vl_mode>(random() % 3), static_cast<int>(random() % 65536), sent.joints,
+            sent.tick_ns, {}};
         for (int i = 0; i < command.joints; ++i) command.tau[i] = sent.tau[i];
         vl_command gotCommand{};
         const std::size_t commandSize = vl_encode_command(packet, &command, session, &key);
@@ -125,14 +121,7 @@ TEST(Link, PacketsComeOutAsTheyWentIn) {
 
 /** The bytes of a packet are those that the header's comment gives, on any machine. */
 TEST(Link, LayoutIsAsWritten) {
-    vl_command command{};
-    command.sequence = 0x0102030405060708;
-    command.echo = 3;
-    command.mode = VL_TORQUE;
-    command.repeats = 5;
-    command.joints = 1;
-    command.tick_ns = 1000000;
-    command.tau[0] = 1.0;
+    const vl_command command{0x0102030405060708, 3, VL_TORQUE, 5, 1, 1000000, {1.0}};
     std::uint8_t packet[VL_MAX_PACKET];
     const vl_key none{};
     ASSERT_EQ(vl_encode_command(packet, &command, {0x10, 0x20}, &none), 80u);
@@ -347,12 +336,7 @@ TEST(Fault83, NumbersThatNoArmHasAreDroppedAndNoneIsSent) {
         pair.tick();
         EXPECT_EQ(pair.take(pair.makeState()), VL_GOOD);
         Packet command(VL_MAX_PACKET);
-        vl_command made{};
-        made.sequence = pair.host.sent + 1;
-        made.echo = pair.robot.tick;
-        made.mode = VL_TORQUE;
-        made.joints = kJoints;
-        made.tick_ns = pair.robot.tick_ns;
+        vl_command made{pair.host.sent + 1, pair.robot.tick, VL_TORQUE, 0, kJoints, pair.robot.tick_ns, {}};
         made.tau[6] = bad;
         command.resize(vl_encode_command(command.data(), &made, pair.host.session, &pair.host.key));
         EXPECT_EQ(pair.give(command), VL_INVALID) << bad;
@@ -578,18 +562,13 @@ TEST(Fault83, AHundredThousandMutatedPacketsChangeNothing) {
             const bool isCommand = k % 2;
             Packet packet = isCommand ? command : nextState;
             const Packet original = packet;
-            switch (random() % 4) {
-                case 0:
-                    packet.resize(random() % packet.size());
-                    break;
-                case 1:
-                    packet.resize(random() % (VL_MAX_PACKET + 2));
-                    for (std::uint8_t& byte : packet) byte = static_cast<std::uint8_t>(random());
-                    break;
-                default:
-                    for (std::uint64_t changes = 1 + random() % 8; changes > 0; --changes)
-                        packet[random() % packet.size()] = static_cast<std::uint8_t>(random());
-            }
+            const auto kind = random() % 4;
+            if (kind == 0) packet.resize(random() % packet.size());
+            if (kind == 1) packet.resize(random() % (VL_MAX_PACKET + 2));
+            if (kind == 1)
+                for (std::uint8_t& byte : packet) byte = static_cast<std::uint8_t>(random());
+            for (std::uint64_t changes = kind > 1 ? 1 + random() % 8 : 0; changes > 0; --changes)
+                packet[random() % packet.size()] = static_cast<std::uint8_t>(random());
             if (packet == original) continue;
             ASSERT_NE(isCommand ? pair.give(packet) : pair.take(packet), VL_GOOD) << k;
         }
@@ -718,9 +697,7 @@ void exchangeOver(const std::string& address) {
         state.q[0] = k;
         vl_robot_send(&robot, &robotEnd.line, &state);
         const vl_state heard = hear(host, hostEnd, k > 2 ? 1'000'000'000 : 0);
-        if (k > 2) {
-            EXPECT_EQ(heard.q[0], k);
-        }
+        if (k > 2) EXPECT_EQ(heard.q[0], k);
         wanted[0] = k;
         const std::size_t size = vl_host_command(&host, k > 10 ? VL_TORQUE : VL_HOLD, wanted, 3, bytes);
         EXPECT_EQ(vl_line_send(&hostEnd.line, bytes, size), 0);
@@ -959,9 +936,7 @@ TEST(LinkLine, AFloodOfStrangersTakesNoTimeFromARobotThatHasAHost) {
             const std::uint64_t foreign = robot.counts[VL_OTHER_SESSION];
             vl_robot_poll(&robot, &robotLine);
             EXPECT_LE(robot.counts[VL_OTHER_SESSION] - foreign, std::uint64_t(VL_MOST_PACKETS));
-            if (k > 12) {
-                EXPECT_EQ(robot.counts[VL_OTHER_SESSION], foreign);
-            }
+            if (k > 12) EXPECT_EQ(robot.counts[VL_OTHER_SESSION], foreign);
             if (vl_robot_tick(&robot, torque) == VL_TORQUE) {
                 EXPECT_EQ(torque[0], k - 1);
             } else {

@@ -69,9 +69,7 @@ TEST(LogSeries, EachFileIsALogTheNewestStayAndTheLimitHolds) {
         LogReader reader(file);
         EXPECT_TRUE(reader.isComplete());
         for (const TickRecord& row : readAll(reader)) {
-            if (next >= 0.0) {
-                ASSERT_NEAR(row.time_s, next, 1e-9) << file;
-            }
+            if (next >= 0.0) ASSERT_NEAR(row.time_s, next, 1e-9) << file;
             next = row.time_s + 0.001;
         }
     }

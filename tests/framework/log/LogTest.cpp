@@ -5,7 +5,6 @@
 #include <csignal>
 
 #include "LogTestSupport.h"
-#include "log/LogFields.h"
 #include "records/McapFile.h"
 
 namespace viable::test {
@@ -74,11 +73,7 @@ TEST_P(LogRoundTrip, EveryBitComesBack) {
     EXPECT_EQ(reader.attachments()[0].mediaType, "application/yaml");
     EXPECT_EQ(reader.attachments()[0].data, "schema: 1\nrobot: indy7\n");
 
-    const std::vector<TickRecord> back = readAll(reader);
-    ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i) {
-        ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
-    }
+    expectSameRows(readAll(reader), records, layout);
     TickRecord none;
     EXPECT_FALSE(reader.read(none));
 }
@@ -117,9 +112,8 @@ TEST_F(LogTest, ChunksStayNearOneMebibyteAtAnyTick) {
     const LogLayout layout = makeLayout(16, Space::Joint, true);
     const WrittenLog log = makeLog(makeOpening(layout), makeRecords(layout, 3000, 1e-6, 5));
     ASSERT_GT(log.writes.size(), 4u);
-    for (std::size_t i = 1; i + 1 < log.writes.size(); ++i) {
+    for (std::size_t i = 1; i + 1 < log.writes.size(); ++i)
         EXPECT_LT(getU64(log.bytes, log.writes[i] + 9 + 16), kLargestChunk + 8192);
-    }
 }
 
 // A second, deliberately plain way to write MCAP and CDR: no chunks, no checksums, no index.
@@ -162,8 +156,7 @@ private:
 };
 
 /** CDR by its rules: every value at a multiple of its size. */
-class Cdr {
-public:
+struct Cdr {
     std::string bytes;
     Cdr& put(std::uint64_t v, std::size_t size) {
         while (bytes.size() % size != 0) bytes += '\0';
@@ -214,10 +207,7 @@ TEST_F(LogTest, LimitsAreWrittenWhereTheyChangeAndAtEachChunksStart) {
     }
     EXPECT_EQ(rows, (std::vector<std::uint32_t>{0, 37, 38, 100, 200, 300, 399, 400}));
     LogReader reader(path("run.mcap"));
-    const std::vector<TickRecord> back = readAll(reader);
-    ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i)
-        ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
+    expectSameRows(readAll(reader), records, layout);
 }
 
 TEST_F(LogTest, RowsAfterALostChunkHaveTheirOwnLimits) {
@@ -343,18 +333,16 @@ TEST_F(LogTest, Fault73_CutOffAnywhereGivesEveryWholeChunk) {
             continue;
         }
         std::size_t expected = 0;
-        for (const auto& [end, rows] : rowsAfter) {
+        for (const auto& [end, rows] : rowsAfter)
             if (end <= place) expected = rows;
-        }
         LogReader reader(path("cut.mcap"));
         EXPECT_FALSE(reader.isComplete());
         EXPECT_EQ(reader.layout().jointNames, layout.jointNames);
         EXPECT_EQ(reader.attachments().size(), 1u);
         const std::vector<TickRecord> back = readAll(reader);
         ASSERT_EQ(back.size(), expected);
-        for (std::size_t i = 0; i < back.size(); ++i) {
+        for (std::size_t i = 0; i < back.size(); ++i)
             ASSERT_EQ(getBits(back[i], layout), getBits(records[i], layout)) << "row " << i;
-        }
     }
 }
 
@@ -393,9 +381,7 @@ TEST_F(LogTest, Fault73_KilledProgramLosesAtMostOneChunk) {
         const auto rows = static_cast<std::int64_t>(back.size());
         EXPECT_LE(rows, appended->load() + 1);
         EXPECT_GE(rows, appended->load() - 101);
-        if (rows > 0) {
-            EXPECT_EQ(back.back().time_s, static_cast<double>(rows - 1) * 0.001);
-        }
+        if (rows > 0) EXPECT_EQ(back.back().time_s, static_cast<double>(rows - 1) * 0.001);
     }
     ::munmap(shared, sizeof(std::atomic<std::int64_t>));
 }
@@ -427,9 +413,7 @@ TEST_F(LogTest, FlippedBitIsNoticed) {
             ++noticed;
             EXPECT_EQ(e.kind(), ErrorKind::BadInput);
             EXPECT_TRUE(contains(e.what(), "flipped.mcap")) << e.what();
-            if (place >= 8) {
-                EXPECT_TRUE(contains(e.what(), ": byte ")) << e.what();
-            }
+            if (place >= 8) EXPECT_TRUE(contains(e.what(), ": byte ")) << e.what();
         }
     }
     EXPECT_GT(noticed, 500);
@@ -558,24 +542,11 @@ TEST_F(LogTest, ALogFromBeforeObstaclesOpens) {
     log.channel(1, "/filter", "Filter",
                 "float64[] tau_nm\nstring[] active\nfloat64[] tau_removed_nm\nfloat64[] margin_rad\n"
                 "float64[] stop_s\n");
-    log.message(1, 0,
-                Cdr()
-                    .put(2, 4)
-                    .put(1.0)
-                    .put(2.0)
-                    .put(2, 4)
-                    .put("none")
-                    .put("jerk_upper")
-                    .put(2, 4)
-                    .put(3.0)
-                    .put(4.0)
-                    .put(2, 4)
-                    .put(5.0)
-                    .put(6.0)
-                    .put(2, 4)
-                    .put(7.0)
-                    .put(8.0)
-                    .bytes);
+    Cdr row;
+    row.put(2, 4).put(1.0).put(2.0);
+    row.put(2, 4).put("none").put("jerk_upper");
+    for (const double first : {3.0, 5.0, 7.0}) row.put(2, 4).put(first).put(first + 1.0);
+    log.message(1, 0, row.bytes);
     writeBytes(path("old.mcap"), log.finish());
     LogReader reader(path("old.mcap"));
     EXPECT_TRUE(reader.layout().limits.isEmpty());

@@ -17,25 +17,22 @@ using viable::testing::AllocationCounter;
 
 using Space = MotionCommand::Space;
 
-class RecorderTest : public LogTestBase {
-protected:
+struct RecorderTest : LogTestBase {
     const LogLayout layout_ = makeLayout(6, Space::Joint, true);
 };
 
 /** Appends like a simulation does: tries again until the row is taken. */
 int appendAll(Recorder& recorder, const std::vector<TickRecord>& records) {
     int retries = 0;
-    for (const TickRecord& record : records) {
+    for (const TickRecord& record : records)
         while (!recorder.append(record)) {
             ++retries;
             std::this_thread::yield();
         }
-    }
     return retries;
 }
 
-class SlowSink : public MemorySink {
-public:
+struct SlowSink : MemorySink {
     using MemorySink::MemorySink;
     bool write(const void* data, std::size_t size, std::string& error) override {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -54,11 +51,7 @@ TEST_F(RecorderTest, ASlowWriterLosesNothing) {
     EXPECT_EQ(status.lost, 0u);
     writeBytes(path("run.mcap"), log.bytes);
     LogReader reader(path("run.mcap"));
-    const std::vector<TickRecord> back = readAll(reader);
-    ASSERT_EQ(back.size(), records.size());
-    for (std::size_t i = 0; i < back.size(); ++i) {
-        ASSERT_EQ(getBits(back[i], layout_), getBits(records[i], layout_)) << "row " << i;
-    }
+    expectSameRows(readAll(reader), records, layout_);
     EXPECT_EQ(recorder.finish().rows, records.size());  // again: the same
 }
 
@@ -258,8 +251,7 @@ TEST_F(RecorderTest, Fault72_AFileSizeLimitBecomesAnErrorOfTheLog) {
     EXPECT_EQ(readAll(reader).size(), status.rows);
 }
 
-class UnclosableSink : public MemorySink {
-public:
+struct UnclosableSink : MemorySink {
     using MemorySink::MemorySink;
     bool close(std::string& error) override {
         error = "Input/output error";

@@ -12,8 +12,7 @@ using detail::limitMotorStep;
 using test::joints;
 
 /** Two joints, twice their friction 3 and 1 Nm and viscous 2 Nm, that may be pushed by 10 and 4 Nm. */
-class AuthorityTest : public testing::Test {
-protected:
+struct AuthorityTest : testing::Test {
     AuthorityTest() {
         arm_.limits.velocity = {joints(-2.0, -2.0), joints(2.0, 2.0)};
         setup_.emplace(arm_.setup());
@@ -284,8 +283,7 @@ TEST(AuthoritySizes, FollowFromMotorAndFriction) {
 }
 
 /** Readings of one joint: what a check makes of them. */
-class SensorCheckTest : public testing::Test {
-protected:
+struct SensorCheckTest : testing::Test {
     void begin(double largestGrowth) {
         const JointVector any = JointVector::Constant(1, kInfinity);
         const auto of = [](double value) { return JointVector(JointVector::Constant(1, value)); };

@@ -95,25 +95,24 @@ TEST(Fault30, TheDifferenceQuotientIsBoundedAtJumpsAndTurns) {
         RobotModel model(plan.robot);
         Dynamics d;
         Summary summary(plan.robot.jointNames(), plan.limits, false);
-        TickRecord record;
         double last = 0.0, lastTarget = 0.0, worst[2] = {0.0, 0.0};
         const double usual = kStiffness * axis.velocityUpper + kDamping * axis.accelerationUpper;
         int jumps = 0;
         for (int k = 0; k < 4000; ++k) {
-            t.loop.tick(record);
-            summary.add(record);
-            model.calcDynamics(record.nominal.q, record.nominal.qd, d);
+            t.tick();
+            summary.add(t.record);
+            model.calcDynamics(t.record.nominal.q, t.record.nominal.qd, d);
             JointVector qdd;
-            ASSERT_TRUE(calcForwardDynamics(d, record.desiredTorque, qdd));
+            ASSERT_TRUE(calcForwardDynamics(d, t.record.desiredTorque, qdd));
             const double quotient = std::abs(qdd[0] - last) / kTick_s,
-                         move = std::abs(record.command.q[0] - lastTarget);
+                         move = std::abs(t.record.command.q[0] - lastTarget);
             if (k > 0) {
                 ASSERT_LE(quotient, (kStiffness * move / kTick_s + usual) * (1.0 + 1e-6)) << k;
                 worst[move > 0.0] = std::max(worst[move > 0.0], quotient);
                 jumps += move > 0.0;
             }
             last = qdd[0];
-            lastTarget = record.command.q[0];
+            lastTarget = t.record.command.q[0];
         }
         std::printf("  jump %.4g rad: quotient up to %.3g rad/s^3 at it (bound %.3g), %.3g elsewhere (bound %.3g)\n",
                     jump, worst[1], kStiffness * jump / kTick_s + usual, worst[0], usual);

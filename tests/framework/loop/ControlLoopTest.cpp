@@ -26,12 +26,11 @@ TEST(ControlLoop, ResetGivesTheSameRunAgainBitForBit) {
     for (TickRecord& record : first) t.loop.tick(record);
     t.loop.reset();
     for (const TickRecord& before : first) {
-        TickRecord now;
-        t.loop.tick(now);
-        ASSERT_EQ(now.nominal.q, before.nominal.q);
-        ASSERT_EQ(now.motorTorque, before.motorTorque);
-        ASSERT_EQ(now.real.q, before.real.q);
-        ASSERT_EQ(now.time_s, before.time_s);
+        t.tick();
+        ASSERT_EQ(t.record.nominal.q, before.nominal.q);
+        ASSERT_EQ(t.record.motorTorque, before.motorTorque);
+        ASSERT_EQ(t.record.real.q, before.real.q);
+        ASSERT_EQ(t.record.time_s, before.time_s);
     }
 }
 
@@ -39,10 +38,9 @@ TEST(ControlLoop, TenThousandTicksAllocateNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     for (const char* filter : {"tosbp", "acceleration_viability", "pass_through"}) {
         TestLoop t(kTeleoperation, {"duration_s=12", std::string("filter.plugin=") + filter});
-        TickRecord record;
-        for (int k = 0; k < 100; ++k) t.loop.tick(record);
+        t.tick(100);
         const testing::AllocationCounter counter;
-        for (int k = 0; k < 10000; ++k) t.loop.tick(record);
+        t.tick(10000);
         EXPECT_EQ(counter.count(), 0) << filter;
     }
 }
@@ -51,48 +49,45 @@ TEST(ControlLoop, TheTorqueOfADecisionGivesItsAccelerationInSimbodysForwardDynam
     TestLoop t(kTeleoperation);
     const RobotDescription& robot = t.experiment.cases[0].robot;
     RobotModel model(robot);
-    TickRecord record;
     for (int k = 0; k < 2000; ++k) {
-        t.loop.tick(record);
+        t.tick();
         if (k % 50) continue;
         // x_c, the mean acceleration over the tick; the rotors' share of tau_c does not reach the
         // links.
-        const JointVector x = record.nominal.qdd + record.nominal.jerk * 0.0005;
-        const JointVector link = record.filterTorque - robot.actuation.rotorInertia.cwiseProduct(x);
-        const JointVector qdd = model.calcLinkForwardDynamics(record.nominal.q, record.nominal.qd, link);
+        const JointVector x = t.record.nominal.qdd + t.record.nominal.jerk * 0.0005;
+        const JointVector link = t.record.filterTorque - robot.actuation.rotorInertia.cwiseProduct(x);
+        const JointVector qdd = model.calcLinkForwardDynamics(t.record.nominal.q, t.record.nominal.qd, link);
         ASSERT_LT((qdd - x).cwiseAbs().maxCoeff(), 1e-9 * (1.0 + x.cwiseAbs().maxCoeff())) << "tick " << k;
     }
 }
 
 TEST(ControlLoop, StopOnRequestEndsAtRestWithinJerkAndAcceleration) {
     TestLoop t(kTeleoperation, {"duration_s=10"});
-    TickRecord record;
-    for (int k = 0; k < 1500; ++k) t.loop.tick(record);
-    ASSERT_GT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.01);
+    t.tick(1500);
+    ASSERT_GT(t.record.nominal.qd.cwiseAbs().maxCoeff(), 0.01);
     t.loop.requestStop(StopReason::Requested, "test");
     t.loop.requestStop(StopReason::Requested, "later");  // the first request stays
     int ticks = 0;
     while (!t.loop.hasStopped()) {
-        t.loop.tick(record);
-        ASSERT_EQ(record.status, FilterStatus::StoppedByPlan);
-        ASSERT_TRUE(record.braking);
-        ASSERT_LE(record.nominal.jerk.cwiseAbs().maxCoeff(), 12 * EIGEN_PI * (1 + 1e-9));
-        ASSERT_LE(record.nominal.qdd.cwiseAbs().maxCoeff(), 4 * EIGEN_PI * (1 + 1e-9));
+        t.tick();
+        ASSERT_EQ(t.record.status, FilterStatus::StoppedByPlan);
+        ASSERT_TRUE(t.record.braking);
+        ASSERT_LE(t.record.nominal.jerk.cwiseAbs().maxCoeff(), 12 * EIGEN_PI * (1 + 1e-9));
+        ASSERT_LE(t.record.nominal.qdd.cwiseAbs().maxCoeff(), 4 * EIGEN_PI * (1 + 1e-9));
         ASSERT_LT(++ticks, 2000);
     }
     EXPECT_EQ(t.loop.stopReason(), StopReason::Requested);
     EXPECT_STREQ(t.loop.stopMessage(), "test");
-    t.loop.tick(record);
-    EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
-    EXPECT_LT(record.nominal.qdd.cwiseAbs().maxCoeff(), 1e-9);
+    t.tick();
+    EXPECT_LT(t.record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LT(t.record.nominal.qdd.cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(ControlLoop, AFailureDuringARequestedStopIsNotHidden) {
     TestLoop t(kTeleoperation, {"robust_loop={plugin: throwing_robust, after_ticks: 510}"});
-    TickRecord record;
-    for (int k = 0; k < 500; ++k) t.loop.tick(record);
+    t.tick(500);
     t.loop.requestStop(StopReason::Requested, "test");
-    while (!t.loop.hasStopped()) t.loop.tick(record);
+    while (!t.loop.hasStopped()) t.tick();
     EXPECT_EQ(t.loop.stopReason(), StopReason::RobustLoopFailed);
 }
 
@@ -101,12 +96,11 @@ TEST(ControlLoop, StopUnderAFilterThatHoldsAccelerationsKeepsItsPositionLimits) 
     const JointBounds& bounds = t.experiment.cases[0].limits.position;
     for (int begin = 200; begin < 5000; begin += 97) {
         t.loop.reset();
-        TickRecord record;
-        for (int k = 0; k < begin; ++k) t.loop.tick(record);
+        t.tick(begin);
         t.loop.requestStop(StopReason::Requested, "test");
         int ticks = 0;
         while (!t.loop.hasStopped()) {
-            t.loop.tick(record);
+            t.tick();
             ASSERT_LT(++ticks, 2000);
         }
         const JointVector& q = t.loop.nominal().q;
@@ -119,8 +113,7 @@ TEST(ControlLoop, StopUnderAFilterThatHoldsAccelerationsKeepsItsPositionLimits) 
 }
 
 /** Asks for the acceleration A cos(w t), whose derivative it knows. */
-class KnowingController : public NominalController {
-public:
+struct KnowingController : NominalController {
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     ControllerTraits traits() const override { return {true, true}; }
@@ -178,8 +171,7 @@ private:
 };
 
 /** Adds nothing. */
-class SilentLoop : public RobustLoop {
-public:
+struct SilentLoop : RobustLoop {
     void configure(const RunSetup&, const Parameters&) override {}
     void reset(const MotionState&) override {}
     TickStatus compute(const JointState&, const MotionState&, const JointVector&, JointVector& torque) override {
@@ -206,6 +198,9 @@ struct ScriptedLoop {
         loop = std::make_unique<ControlLoop>(configured->setup, std::move(configured->plugins));
         return *loop;
     }
+    void tick(int count = 1) {
+        for (int k = 0; k < count; ++k) loop->tick(record);
+    }
 
     KnowingController controller;  // destroyed last
     SilentLoop robustLoop;
@@ -213,74 +208,71 @@ struct ScriptedLoop {
     Experiment experiment;
     std::unique_ptr<ConfiguredCase> configured;
     std::unique_ptr<ControlLoop> loop;
+    TickRecord record;  ///< of the last tick
 };
 
 TEST(ControlLoop, TheRateThatAControllerKnowsTakesThePlaceOfTheQuotient) {
     for (const bool knows : {true, false}) {
         ScriptedLoop t(false);
         t.controller.knows = knows;
-        ControlLoop& loop = t.start();
-        TickRecord record;
+        t.start();
         double last = 0.0;
         for (int k = 0; k < 200; ++k) {
-            loop.tick(record);
-            const double rate = -3.0 * std::sin(3.0 * record.time_s + 1.0);
+            t.tick();
+            const double rate = -3.0 * std::sin(3.0 * t.record.time_s + 1.0);
             const double quotient = k == 0 ? 0.0 : (t.controller.desired - last) / 1e-3;
-            const double u = (knows ? rate : quotient) - 100.0 * (record.nominal.qdd[0] - t.controller.desired);
-            if (record.status == FilterStatus::Passed) ASSERT_NEAR(record.nominal.jerk[0], u, 1e-9) << k;
+            const double u = (knows ? rate : quotient) - 100.0 * (t.record.nominal.qdd[0] - t.controller.desired);
+            if (t.record.status == FilterStatus::Passed) ASSERT_NEAR(t.record.nominal.jerk[0], u, 1e-9) << k;
             last = t.controller.desired;
         }
-        EXPECT_EQ(record.status, FilterStatus::Passed);
+        EXPECT_EQ(t.record.status, FilterStatus::Passed);
     }
 }
 
 TEST(ControlLoop, ARateThatIsNoNumberMakesTheWholeOutputUnusable) {
     ScriptedLoop t(false);
     t.controller.failsAt = 5;
-    ControlLoop& loop = t.start();
-    TickRecord record;
-    for (int k = 0; k < 10; ++k) loop.tick(record);
-    EXPECT_EQ(record.substituted, 1);
-    EXPECT_EQ(loop.stopReason(), StopReason::None);
+    t.start();
+    t.tick(10);
+    EXPECT_EQ(t.record.substituted, 1);
+    EXPECT_EQ(t.loop->stopReason(), StopReason::None);
 }
 
 TEST(ControlLoop, AControllerIsToldTheTimeAndTheMissedTicks) {
     ScriptedLoop t(false);
-    ControlLoop& loop = t.start();
-    TickRecord record;
-    for (int k = 0; k < 10; ++k) loop.tick(record);
+    t.start();
+    t.tick(10);
     EXPECT_EQ(t.controller.tick.time_s, 9 * 0.001);
     EXPECT_EQ(t.controller.tick.missed, 0);
-    for (int k = 0; k < 3; ++k) loop.missTick(record);
-    loop.tick(record);
+    for (int k = 0; k < 3; ++k) t.loop->missTick(t.record);
+    t.tick();
     EXPECT_EQ(t.controller.tick.time_s, 13 * 0.001);
     EXPECT_EQ(t.controller.tick.missed, 3);
-    loop.tick(record);
+    t.tick();
     EXPECT_EQ(t.controller.tick.missed, 0);
 }
 
 TEST(ControlLoop, TicksThatAPlantsClockHasPassedAreMissedOnes) {
     ScriptedLoop t(true);
     t.plant.script = {1, 1, 3, 1};
-    ControlLoop& loop = t.start();
-    TickRecord record;
+    t.start();
     std::vector<bool> missed;
     JointVector held;
     for (int k = 0; k < 6; ++k) {
-        loop.tick(record);
-        missed.push_back(record.missed);
-        EXPECT_EQ(record.time_s, k * 0.001);
-        if (record.missed) {
-            EXPECT_EQ(record.motorTorque, held);  // nothing was sent
+        t.tick();
+        missed.push_back(t.record.missed);
+        EXPECT_EQ(t.record.time_s, k * 0.001);
+        if (t.record.missed) {
+            EXPECT_EQ(t.record.motorTorque, held);  // nothing was sent
         }
-        held = record.motorTorque;
+        held = t.record.motorTorque;
         if (k == 4) EXPECT_EQ(t.controller.tick.missed, 2);
     }
     EXPECT_EQ(missed, (std::vector<bool>{false, false, true, true, false, false}));
     EXPECT_EQ(t.plant.reads, 4u);
     EXPECT_EQ(t.plant.advances, 4);
     // 6 rad over three ticks are no jump; 2 rad in one are none either.
-    EXPECT_EQ(loop.stopReason(), StopReason::None);
+    EXPECT_EQ(t.loop->stopReason(), StopReason::None);
 }
 
 TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
@@ -314,9 +306,8 @@ TEST(ControlLoop, ANominalArmStartsWhereTheRobotStandsWithinItsLimits) {
 TEST(ControlLoop, APlantWithoutAClockIsNotWaitedFor) {
     ScriptedLoop t(true);
     t.plant.ticks = false;
-    ControlLoop& loop = t.start();
-    TickRecord record;
-    for (int k = 0; k < 5; ++k) loop.tick(record);
+    t.start();
+    t.tick(5);
     EXPECT_EQ(t.plant.reads, 0u);
     EXPECT_EQ(t.plant.advances, 5);
 }
@@ -328,12 +319,11 @@ TEST(ControlLoop, AClockThatFailsOrStandsStillEndsTheLoop) {
             t.plant.status = TickStatus::Faulted;
         else
             t.plant.script = {0};
-        ControlLoop& loop = t.start();
-        TickRecord record;
-        loop.tick(record);
-        EXPECT_TRUE(loop.hasFailed());
-        EXPECT_EQ(loop.stopReason(), StopReason::PlantFailed);
-        EXPECT_CONTAINS(loop.stopMessage(), "its clock gave no tick");
+        t.start();
+        t.tick();
+        EXPECT_TRUE(t.loop->hasFailed());
+        EXPECT_EQ(t.loop->stopReason(), StopReason::PlantFailed);
+        EXPECT_CONTAINS(t.loop->stopMessage(), "its clock gave no tick");
         EXPECT_EQ(t.plant.advances, 0);
     }
 }
@@ -341,18 +331,17 @@ TEST(ControlLoop, AClockThatFailsOrStandsStillEndsTheLoop) {
 TEST(ControlLoop, APlantThatFaultsSaysWhy) {
     ScriptedLoop t(true);
     t.plant.explanation = "it says this of the last tick only where that one failed";
-    ControlLoop& loop = t.start();
-    TickRecord record;
-    loop.tick(record);
-    EXPECT_FALSE(loop.hasFailed());
+    t.start();
+    t.tick();
+    EXPECT_FALSE(t.loop->hasFailed());
     t.plant.explanation = nullptr;
-    loop.tick(record);
+    t.tick();
     t.plant.explanation = "it has lost the robot";
     t.plant.status = TickStatus::Faulted;
-    loop.tick(record);
-    EXPECT_TRUE(loop.hasFailed());
-    EXPECT_EQ(loop.stopReason(), StopReason::PlantFailed);
-    EXPECT_STREQ(loop.stopMessage(), "it has lost the robot");
+    t.tick();
+    EXPECT_TRUE(t.loop->hasFailed());
+    EXPECT_EQ(t.loop->stopReason(), StopReason::PlantFailed);
+    EXPECT_STREQ(t.loop->stopMessage(), "it has lost the robot");
 }
 
 TEST(ControlLoop, ARobotThatCannotBeHadIsRefusedInItsOwnWords) {
@@ -372,37 +361,34 @@ TEST(ControlLoop, ManyTicksMissedByThePlantsClockBrakeTheArmForGood) {
 
 TEST(Fault28, AFewTicksOfNanAreSubstitutedAndCounted) {
     TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200", "controller.ticks=10"});
-    TickRecord record;
     JointVector before;
     for (int k = 0; k < 1000; ++k) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record)) << "tick " << k;
-        if (k == 199) before = record.desiredTorque;
-        if (k >= 200 && k < 210) ASSERT_EQ(record.desiredTorque, before);
+        t.tick();
+        ASSERT_TRUE(allFinite(t.record)) << "tick " << k;
+        if (k == 199) before = t.record.desiredTorque;
+        if (k >= 200 && k < 210) ASSERT_EQ(t.record.desiredTorque, before);
     }
-    EXPECT_EQ(record.substituted, kMaxSubstitutedTicks);
+    EXPECT_EQ(t.record.substituted, kMaxSubstitutedTicks);
     EXPECT_EQ(t.loop.stopReason(), StopReason::None);
 }
 
 TEST(Fault28, MoreTicksOfNanBrakeTheArm) {
     TestLoop t(kOneJoint, {"controller.plugin=nan_torque", "controller.after_ticks=200", "controller.ticks=100000"});
-    TickRecord record;
-    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 5000, [](const TickRecord&) {}));
+    ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, t.record, 5000, [](const TickRecord&) {}));
     EXPECT_EQ(t.loop.stopReason(), StopReason::ControllerFailed);
     EXPECT_NEAR(t.loop.stopTime(), 0.210, 1e-9);
     EXPECT_CONTAINS(t.loop.stopMessage(), "no usable torque");
-    EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 0.05);
+    EXPECT_LT(t.record.nominal.qd.cwiseAbs().maxCoeff(), 0.05);
 }
 
 TEST(Fault29, HugeAndTinyTorquesStayFiniteAndInsideTheJerkLimit) {
     for (const char* filter : {"tosbp", "acceleration_viability"}) {
         TestLoop t(kOneJoint, {"controller.plugin=extreme_torque", std::string("filter.plugin=") + filter});
-        TickRecord record;
         Summary summary({"joint0"}, t.experiment.cases[0].limits, false);
         for (int k = 0; k < 5000; ++k) {
-            t.loop.tick(record);
-            ASSERT_TRUE(allFinite(record)) << filter << " tick " << k;
-            summary.add(record);
+            t.tick();
+            ASSERT_TRUE(allFinite(t.record)) << filter << " tick " << k;
+            summary.add(t.record);
         }
         EXPECT_EQ(t.loop.stopReason(), StopReason::None) << filter;
         EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0) << filter;
@@ -420,12 +406,11 @@ TEST(Fault29, HugeTorquesThroughAFilterThatLetsThemPassBrakeTheArm) {
 
 TEST(Fault30, JumpingSetPointsKeepTheLimits) {
     TestLoop t(kOneJoint, {"command.plugin=jumping_setpoint"});
-    TickRecord record;
     Summary summary({"joint0"}, t.experiment.cases[0].limits, false);
     for (int k = 0; k < 10000; ++k) {
-        t.loop.tick(record);
-        ASSERT_TRUE(allFinite(record));
-        summary.add(record);
+        t.tick();
+        ASSERT_TRUE(allFinite(t.record));
+        summary.add(t.record);
     }
     EXPECT_EQ(summary.ticksOutside(LimitKind::Jerk), 0);
     EXPECT_EQ(summary.ticksOutside(LimitKind::Acceleration), 0);
@@ -448,9 +433,8 @@ TEST(Fault32, AWrongSizedTorqueIsSubstitutedThenBraked) {
 
 TEST(Fault32, AWrongSizedDecisionStopsTheArmAtOnce) {
     TestLoop t(kOneJoint, {"filter.plugin=wrong_size", "filter.after_ticks=100"});
-    TickRecord record;
     ASSERT_NO_FATAL_FAILURE(
-        runUntilStopped(t.loop, record, 5000, [](const TickRecord& r) { ASSERT_EQ(r.filterTorque.size(), 1); }));
+        runUntilStopped(t.loop, t.record, 5000, [](const TickRecord& r) { ASSERT_EQ(r.filterTorque.size(), 1); }));
     EXPECT_EQ(t.loop.stopReason(), StopReason::FilterFailed);
     EXPECT_NEAR(t.loop.stopTime(), 0.1, 1e-9);
 }
@@ -472,9 +456,8 @@ TEST(Fault44, APlantThatFailsEndsTheLoopAtOnce) {
     for (const char* mode : {"faulted", "nan_state", "wrong_size", "throw_measured", "throw_advance"}) {
         TestLoop t(kTeleoperation,
                    {std::string("real_plant={plugin: failing_plant, after_ticks: 100, mode: ") + mode + "}"});
-        TickRecord record;
         SCOPED_TRACE(mode);
-        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 103, [](const TickRecord& r) {
+        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, t.record, 103, [](const TickRecord& r) {
             ASSERT_TRUE(r.real.q.allFinite() && r.actual.q.allFinite());
         }));
         EXPECT_EQ(t.loop.stopReason(), StopReason::PlantFailed) << mode;

@@ -8,8 +8,7 @@ namespace {
 using detail::FollowingWatch;
 using Cause = FollowingWatch::Cause;
 
-class FollowingWatchTest : public ::testing::Test {
-protected:
+struct FollowingWatchTest : ::testing::Test {
     FollowingWatchTest() {
         arm_.limits.velocity = {JointVector::Constant(6, -2.0), JointVector::Constant(6, 1.0)};
         begin();

@@ -53,8 +53,7 @@ TEST(Fault37, EveryLieIsCaughtInItsFirstTickAndTheArmKeepsItsLimits) {
             SCOPED_TRACE(std::string(lie.name) + (arm == kOneJoint ? ", one joint" : ", arm"));
             TestLoop t(arm, {kGuaranteeing, std::string("filter.lie=") + lie.name, "filter.after_ticks=300"});
             LimitKeeper keeper(t.experiment.cases[0]);
-            TickRecord record;
-            ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 3000, [&](const TickRecord& r) {
+            ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, t.record, 3000, [&](const TickRecord& r) {
                 keeper.add(r);
                 ASSERT_EQ(r.braking, r.time_s > 0.2995) << r.time_s;
                 ASSERT_EQ(r.verdict, StopVerdict::Safe) << r.time_s;
@@ -92,17 +91,13 @@ TEST(Fault37, AFilterThatHoldsAccelerationsIsHeldToItsWordOnJerk) {
 }
 
 TEST(Fault37, DecisionsInUnknownWordsAreNotApplied) {
-    const std::pair<const char*, const char*> lies[] = {
-        {"limit", "its status or an acting limit is not a known value"},
-        {"side", "its status or an acting limit is not a known value"},
-        {"status", "its status or an acting limit is not a known value"}};
     for (const char* arm : {kOneJoint, kTeleoperation})
-        for (const auto& [lie, message] : lies) {
+        for (const char* lie : {"limit", "side", "status"}) {
             SCOPED_TRACE(std::string(lie) + " on " + arm);
             TestLoop t(arm, {kGuaranteeing, std::string("filter.lie=") + lie, "filter.after_ticks=300"});
             expectKeptStop(t, 3000, StopReason::FilterFailed);
             EXPECT_NEAR(t.loop.stopTime(), 0.3, 1e-9);
-            EXPECT_STREQ(t.loop.stopMessage(), message);
+            EXPECT_STREQ(t.loop.stopMessage(), "its status or an acting limit is not a known value");
         }
 }
 
@@ -143,12 +138,11 @@ TEST(Monitor, StopsOnRequestKeepPositionLimitsWhereTheMonitorFoundTheStopSafe) {
     int safe = 0;
     for (int begin = 50; begin < 2500; begin += 31) {
         t.loop.reset();
-        TickRecord record;
-        for (int k = 0; k < begin; ++k) t.loop.tick(record);
-        if (record.verdict != StopVerdict::Safe) continue;
+        t.tick(begin);
+        if (t.record.verdict != StopVerdict::Safe) continue;
         ++safe;
         t.loop.requestStop(StopReason::Requested, "test");
-        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, record, 5000, [&](const TickRecord& r) {
+        ASSERT_NO_FATAL_FAILURE(runUntilStopped(t.loop, t.record, 5000, [&](const TickRecord& r) {
             ASSERT_LE(r.nominal.q[0], axis.positionUpper + 1e-9) << "begun in tick " << begin;
             ASSERT_GE(r.nominal.q[0], axis.positionLower - 1e-9) << "begun in tick " << begin;
         }));
@@ -160,14 +154,13 @@ TEST(Monitor, ATickWithAWitnessAllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     for (const char* witness : {"true", "false"}) {
         TestLoop t(kTeleoperation, {kGuaranteeing, std::string("filter.witness=") + witness, "duration_s=12"});
-        TickRecord record;
-        for (int k = 0; k < 100; ++k) t.loop.tick(record);
+        t.tick(100);
         const testing::AllocationCounter counter;
-        for (int k = 0; k < 5000; ++k) t.loop.tick(record);
-        for (int k = 0; k < 100; ++k) t.loop.missTick(record);
-        t.loop.tick(record);
+        t.tick(5000);
+        for (int k = 0; k < 100; ++k) t.loop.missTick(t.record);
+        t.tick();
         t.loop.requestStop(StopReason::Requested, "test");
-        for (int k = 0; k < 100; ++k) t.loop.tick(record);
+        t.tick(100);
         EXPECT_EQ(counter.count(), 0);
     }
 }
@@ -197,28 +190,27 @@ TEST(Fault25, MissedTicksFollowTheStopHeldReadyAndTheRunGoesOn) {
             SCOPED_TRACE(std::string(filter) + ", " + std::to_string(count));
             TestLoop t(kTeleoperation, {filter, "duration_s=10"});
             LimitKeeper keeper(t.experiment.cases[0]);
-            TickRecord record;
             double moved = 0.0;
             for (int round = 0; round < 3; ++round) {
                 for (int k = 0; k < 400; ++k) {
-                    t.loop.tick(record);
-                    keeper.add(record);
-                    ASSERT_FALSE(record.missed);
-                    ASSERT_NE(record.status, FilterStatus::StoppedByPlan);
+                    t.tick();
+                    keeper.add(t.record);
+                    ASSERT_FALSE(t.record.missed);
+                    ASSERT_NE(t.record.status, FilterStatus::StoppedByPlan);
                 }
                 for (int k = 0; k < count; ++k) {
-                    t.loop.missTick(record);
-                    keeper.add(record);
-                    ASSERT_TRUE(record.missed);
-                    ASSERT_FALSE(record.braking);
-                    ASSERT_EQ(record.status, FilterStatus::StoppedByPlan);
-                    ASSERT_TRUE(allFinite(record));
-                    moved += record.nominal.qd.norm();
+                    t.loop.missTick(t.record);
+                    keeper.add(t.record);
+                    ASSERT_TRUE(t.record.missed);
+                    ASSERT_FALSE(t.record.braking);
+                    ASSERT_EQ(t.record.status, FilterStatus::StoppedByPlan);
+                    ASSERT_TRUE(allFinite(t.record));
+                    moved += t.record.nominal.qd.norm();
                 }
             }
-            if (count == 1000) EXPECT_LT(record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
+            if (count == 1000) EXPECT_LT(t.record.nominal.qd.cwiseAbs().maxCoeff(), 1e-9);
             EXPECT_GT(moved, 0.0);
-            t.loop.tick(record);
+            t.tick();
             EXPECT_EQ(t.loop.stopReason(), StopReason::None) << t.loop.stopMessage();
             keeper.finish(t.loop);
             EXPECT_EQ(keeper.summary().missedTicks(), 3 * count);
@@ -227,12 +219,11 @@ TEST(Fault25, MissedTicksFollowTheStopHeldReadyAndTheRunGoesOn) {
 
 TEST(Fault25, TooManyInARowBrakeTheArmForGood) {
     TestLoop t(kOneJoint, {kGuaranteeing});
-    TickRecord record;
-    for (int k = 0; k < 300; ++k) t.loop.tick(record);
-    for (int k = 0; k < kMaxMissedTicks; ++k) t.loop.missTick(record);
+    t.tick(300);
+    for (int k = 0; k < kMaxMissedTicks; ++k) t.loop.missTick(t.record);
     EXPECT_EQ(t.loop.stopReason(), StopReason::None);
     EXPECT_FALSE(t.loop.hasStopped());
-    t.loop.missTick(record);
+    t.loop.missTick(t.record);
     EXPECT_EQ(t.loop.stopReason(), StopReason::TicksMissed);
     EXPECT_STREQ(t.loop.stopMessage(), "more than 1000 ticks in a row were missed");
     EXPECT_TRUE(t.loop.hasStopped());
@@ -278,11 +269,10 @@ TEST(ChangingLimits, AFilterThatGuaranteesMustComeBackToThem) {
 
 TEST(ChangingLimits, AreInForceFromTheirTickOnAndInTheRecord) {
     TestLoop t(kOneJoint, {"command={plugin: changing_limits, at_s: 0.7, rate_share: 2}", kGuaranteeing});
-    TickRecord record;
     for (int k = 0; k < 1000; ++k) {
-        t.loop.tick(record);
-        ASSERT_NEAR(record.limits.jerk.upper[0], (k < 700 ? 4.0 : 8.0) * EIGEN_PI, 1e-12) << k;
-        ASSERT_EQ(record.verdict, StopVerdict::Safe);
+        t.tick();
+        ASSERT_NEAR(t.record.limits.jerk.upper[0], (k < 700 ? 4.0 : 8.0) * EIGEN_PI, 1e-12) << k;
+        ASSERT_EQ(t.record.verdict, StopVerdict::Safe);
     }
     EXPECT_EQ(t.loop.stopReason(), StopReason::None);
 }
@@ -308,15 +298,14 @@ TEST(Fault28, NoNumberOfOneJointOrAllForOneTickIsReplacedByTheLastGoodTorque) {
         for (const char* value : {"nan", "inf"}) {
             TestLoop t(kTeleoperation, {std::string("controller={plugin: nan_torque, after_ticks: 100, joint: ") +
                                         joint + ", value: " + value + "}"});
-            TickRecord record;
             JointVector before;
             for (int k = 0; k < 300; ++k) {
-                t.loop.tick(record);
-                ASSERT_TRUE(allFinite(record)) << k;
-                if (k == 99) before = record.desiredTorque;
-                if (k == 100) ASSERT_EQ(record.desiredTorque, before);
+                t.tick();
+                ASSERT_TRUE(allFinite(t.record)) << k;
+                if (k == 99) before = t.record.desiredTorque;
+                if (k == 100) ASSERT_EQ(t.record.desiredTorque, before);
             }
-            EXPECT_EQ(record.substituted, 1);
+            EXPECT_EQ(t.record.substituted, 1);
             EXPECT_EQ(t.loop.stopReason(), StopReason::None);
         }
 }

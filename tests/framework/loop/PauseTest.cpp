@@ -43,31 +43,30 @@ private:
 
 TEST(Pause, BrakesToRestHoldsThereAndGoesOnWithTheCommandWhereItWas) {
     TestLoop t(kOneJoint, {kCertified, "duration_s=20"});
-    TickRecord r;
-    for (int k = 0; k < 700; ++k) t.loop.tick(r);
-    ASSERT_GT(std::abs(r.nominal.qd[0]), 0.1);
+    t.tick(700);
+    ASSERT_GT(std::abs(t.record.nominal.qd[0]), 0.1);
     const double commandTime = t.loop.commandTime();
     t.loop.pause();
     for (int k = 0; k < 2000; ++k) {
-        t.loop.tick(r);
-        ASSERT_TRUE(r.paused);
-        ASSERT_FALSE(r.braking);
-        ASSERT_FALSE(r.missed);
+        t.tick();
+        ASSERT_TRUE(t.record.paused);
+        ASSERT_FALSE(t.record.braking);
+        ASSERT_FALSE(t.record.missed);
         ASSERT_EQ(t.loop.commandTime(), commandTime);
     }
     EXPECT_TRUE(t.loop.isHolding());
     EXPECT_FALSE(t.loop.hasStopped());
-    EXPECT_EQ(r.nominal.qd[0], 0.0);
-    EXPECT_EQ(r.nominal.qdd[0], 0.0);
-    const double rest = r.nominal.q[0];
-    for (int k = 0; k < 1000; ++k) t.loop.tick(r);
-    EXPECT_EQ(r.nominal.q[0], rest);
+    EXPECT_EQ(t.record.nominal.qd[0], 0.0);
+    EXPECT_EQ(t.record.nominal.qdd[0], 0.0);
+    const double rest = t.record.nominal.q[0];
+    t.tick(1000);
+    EXPECT_EQ(t.record.nominal.q[0], rest);
     t.loop.resume();
     double reached = 0.0;
     for (int k = 0; k < 1500; ++k) {
-        t.loop.tick(r);
-        ASSERT_FALSE(r.paused);
-        reached = std::max(reached, std::abs(r.nominal.q[0] - rest));
+        t.tick();
+        ASSERT_FALSE(t.record.paused);
+        reached = std::max(reached, std::abs(t.record.nominal.q[0] - rest));
     }
     EXPECT_NEAR(t.loop.commandTime(), commandTime + 1.5, 1e-9);
     EXPECT_GT(reached, 0.1);
@@ -78,8 +77,7 @@ TEST(Pause, FromTheFirstTickHoldsTheStart) {
     TestLoop t(kTeleoperation, {kCertified});
     const JointVector start = t.loop.nominal().q;
     t.loop.pause();
-    TickRecord r;
-    for (int k = 0; k < 3000; ++k) t.loop.tick(r);
+    t.tick(3000);
     EXPECT_EQ(t.loop.nominal().q, start);
     EXPECT_EQ(t.loop.commandTime(), 0.0);
 }
@@ -124,24 +122,23 @@ TEST(Pause, OrStopWhileMissedTicksComeInBetweenKeepsAllLimitsAndEveryStepOfTheTo
         TestLoop t(kTeleoperation, {kCertified, "duration_s=100", "command.seed=" + std::to_string(run)});
         const JointLimits& limits = t.configured->setup.limits;
         TorqueStep step(t.experiment.cases[0].robot, limits, 0.001);
-        TickRecord r;
         int paused = 0, moved = 0;
         for (int k = 0; k < 3000; ++k) {
             if (random() % 60 == 0) t.loop.isPaused() ? t.loop.resume() : t.loop.pause();
             if (k == 2500) t.loop.requestStop(StopReason::Requested, "test");
             if (random() % 40 == 0)
-                t.loop.missTick(r);
+                t.loop.missTick(t.record);
             else
-                t.loop.tick(r);
-            paused += r.paused;
-            moved += !r.paused && r.nominal.qd.cwiseAbs().maxCoeff() > 0.01;
-            ASSERT_LE(step.take(r), 1.0 + 1e-6) << "run " << run << ", tick " << k;
+                t.tick();
+            paused += t.record.paused;
+            moved += !t.record.paused && t.record.nominal.qd.cwiseAbs().maxCoeff() > 0.01;
+            ASSERT_LE(step.take(t.record), 1.0 + 1e-6) << "run " << run << ", tick " << k;
             for (int i = 0; i < limits.size(); ++i) {
-                ASSERT_LE(r.nominal.q[i], limits.position.upper[i] + 1e-10);
-                ASSERT_GE(r.nominal.q[i], limits.position.lower[i] - 1e-10);
-                ASSERT_LE(std::abs(r.nominal.qd[i]), limits.velocity.upper[i] * (1 + 1e-10));
-                ASSERT_LE(std::abs(r.nominal.qdd[i]), limits.acceleration.upper[i] * (1 + 1e-10));
-                ASSERT_LE(std::abs(r.nominal.jerk[i]), limits.jerk.upper[i] * (1 + 1e-10));
+                ASSERT_LE(t.record.nominal.q[i], limits.position.upper[i] + 1e-10);
+                ASSERT_GE(t.record.nominal.q[i], limits.position.lower[i] - 1e-10);
+                ASSERT_LE(std::abs(t.record.nominal.qd[i]), limits.velocity.upper[i] * (1 + 1e-10));
+                ASSERT_LE(std::abs(t.record.nominal.qdd[i]), limits.acceleration.upper[i] * (1 + 1e-10));
+                ASSERT_LE(std::abs(t.record.nominal.jerk[i]), limits.jerk.upper[i] * (1 + 1e-10));
             }
         }
         EXPECT_GT(paused, 300);
@@ -205,11 +202,10 @@ TEST(Bumpless, AFaultOfTheCommandAndLimitsThatChangeAreNoStepOfTheTorque) {
         limits.jerk.lower *= event.rateShare;
         limits.jerk.upper *= event.rateShare;
         TorqueStep step(t.experiment.cases[0].robot, limits, 0.001);
-        TickRecord r;
         double largest = 0.0;
         for (int k = 0; k < 2000; ++k) {
-            t.loop.tick(r);
-            largest = std::max(largest, step.take(r));
+            t.tick();
+            largest = std::max(largest, step.take(t.record));
             ASSERT_LE(largest, 1.0 + 1e-6) << event.overrides.front() << ", tick " << k;
         }
         EXPECT_EQ(t.loop.stopReason(), event.reason) << event.overrides.front();
@@ -232,13 +228,12 @@ TEST(Pause, IsNoRefugeFromTooManyMissedTicksOrFromAFailure) {
 TEST(Pause, AllocatesNothing) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     TestLoop t(kTeleoperation, {kCertified, "duration_s=20"});
-    TickRecord r;
-    for (int k = 0; k < 100; ++k) t.loop.tick(r);
+    t.tick(100);
     const testing::AllocationCounter counter;
     for (int k = 0; k < 5000; ++k) {
         if (k % 500 == 0) t.loop.pause();
         if (k % 500 == 300) t.loop.resume();
-        t.loop.tick(r);
+        t.tick();
     }
     EXPECT_EQ(counter.count(), 0);
 }

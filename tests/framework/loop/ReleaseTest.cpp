@@ -27,20 +27,9 @@ public:
                        JointVector& torque) override {
         const TickStatus status = nric_.compute(real, nominal, filterTorque, torque);
         if (calls++ != failsAt) return status;
-        switch (failure) {
-            case Failure::Throws:
-                throw std::runtime_error("test");
-            case Failure::Nan:
-                torque.setConstant(kNan);
-                return status;
-            case Failure::Status:
-                torque.setZero();
-                return TickStatus::Faulted;
-            case Failure::Huge:
-                torque.setConstant(1e12);
-                return status;
-        }
-        return status;
+        if (failure == Failure::Throws) throw std::runtime_error("test");
+        torque.setConstant(failure == Failure::Nan ? kNan : failure == Failure::Huge ? 1e12 : 0.0);
+        return failure == Failure::Status ? TickStatus::Faulted : status;
     }
     void holdIntegral() override { nric_.holdIntegral(); }
     RobustTraits traits() const override { return nric_.traits(); }

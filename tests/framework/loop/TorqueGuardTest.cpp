@@ -900,71 +900,65 @@ TEST(TorqueGuard, RobustGainsThatTheTickCannotCarryAreRefusedByJoint) {
 // --- Construction ---------------------------------------------------------------------------------
 
 TEST(TorqueGuard, EveryWrongConstructionSaysPlaceCauseAndRemedy) {
-    struct Case {
-        const char* words;
-        std::function<void(RobotDescription&, double&, TorqueGuardOptions&)> spoil;
-    };
-    const Case cases[] = {
-        {"TorqueGuard: the tick is 0 s; allowed is [1e-05, 0.1] s. Give the period",
-         [](auto&, double& tick, auto&) { tick = 0.0; }},
-        {"the tick is nan s", [](auto&, double& tick, auto&) { tick = kNan; }},
-        {"the tick is 1 s", [](auto&, double& tick, auto&) { tick = 1.0; }},
-        {"TorqueGuardOptions::limits: the limits are those of 3 joints; the robot has 2. Give each bound",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.limits = JointLimits::unlimited(3); }},
-        {"jerk_lower has 1 numbers; allowed is 2",
-         [](RobotDescription& r, auto&, TorqueGuardOptions& o) {
-             o.limits = r.limits;
-             o.limits->jerk.lower.resize(1);
-         }},
-        {"RobotDescription::limits: joint `joint1`: velocity_upper is -1 rad/s; allowed is",
-         [](RobotDescription& r, auto&, auto&) { r.limits.velocity.upper[1] = -1.0; }},
-        {"position_upper is nan", [](RobotDescription& r, auto&, auto&) { r.limits.position.upper[0] = kNan; }},
-        {"finite jerk limit on every joint",
-         [](RobotDescription& r, auto&, auto&) { r.limits.jerk.upper[0] = kInfinity; }},
-        {"CertifiedBrakingOptions::kAlpha", [](auto&, auto&, TorqueGuardOptions& o) { o.filter.kAlpha = kNan; }},
-        {"CertifiedBrakingOptions::gamma", [](auto&, auto&, TorqueGuardOptions& o) { o.filter.gamma = kNan; }},
-        {"NricOptions::kr: the gain of joint 0 is nan",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.robustGains = NricOptions{kNan}; }},
-        {"NricOptions::kp: 3 gains; the robot has 2 joints",
-         [](auto&, auto&, TorqueGuardOptions& o) {
-             o.robustGains = NricOptions{600.0, JointVector(JointVector::Zero(3))};
-         }},
-        {"TorqueGuardOptions::largestDeviation: 0 for joint `joint0`; allowed is above 0",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.largestDeviation = 0.0; }},
-        {"TorqueGuardOptions::largestDeviation: 3 numbers",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.largestDeviation = JointVector(JointVector::Ones(3)); }},
-        {"TorqueConvention::torqueRate: 0 Nm/s for joint `joint0`; allowed is above 0",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.convention.torqueRate = 0.0; }},
-        {"TorqueConvention::torqueRate: 3 numbers; the robot has 2 joints",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.convention.torqueRate = JointVector(JointVector::Ones(3)); }},
-        {"TorqueConvention::addsFriction: the friction of joint `joint1` takes up to 9 Nm of the 4 Nm",
-         [](RobotDescription& r, auto&, TorqueGuardOptions& o) {
-             r.actuation.friction = {joints(1.0, 6.0), joints(1.0, 3.0), joints(1.0, 1.0)};
-             r.actuation.torqueLimit = joints(4.0, 4.0);
-             o.convention.addsFriction = true;
-         }},
-        {"TorqueGuardOptions::largestSpeed: nan for joint `joint0`",
-         [](auto&, auto&, TorqueGuardOptions& o) { o.largestSpeed = kNan; }},
-        {"the robot has 0 joints; allowed is 1 to 16", [](RobotDescription& r, auto&, auto&) { r = {}; }},
-        {"the robot has 17 joints", [](RobotDescription& r, auto&, auto&) { r.joints.resize(17); }},
-        {"joint `joint0` has joint 1 as its parent", [](RobotDescription& r, auto&, auto&) { r.joints[0].parent = 1; }},
-        {"toolParent is 2; allowed is -1 to 1", [](RobotDescription& r, auto&, auto&) { r.toolParent = 2; }},
-        {"actuation.torqueLimit has 0 entries; the robot has 2 joints",
-         [](RobotDescription& r, auto&, auto&) { r.actuation.torqueLimit.resize(0); }},
-        {"actuation.torqueLimit of joint `joint1` is 0; allowed is above 0",
-         [](RobotDescription& r, auto&, auto&) { r.actuation.torqueLimit[1] = 0.0; }},
-        {"actuation.rotorInertia of joint `joint0` is -1",
-         [](RobotDescription& r, auto&, auto&) { r.actuation.rotorInertia[0] = -1.0; }},
-        {"actuation.encoderCounts of joint `joint0` is nan",
-         [](RobotDescription& r, auto&, auto&) { r.actuation.encoderCounts[0] = kNan; }},
-    };
-    for (const Case& c : cases) {
-        SCOPED_TRACE(c.words);
+    struct Given {
         RobotDescription robot = makeTwoLinkArm();
         double tick_s = kTick_s;
         TorqueGuardOptions options;
-        c.spoil(robot, tick_s, options);
-        expectError({c.words}, [&] { TorqueGuard(robot, tick_s, options); });
+    };
+    const std::pair<const char*, void (*)(Given&)> cases[] = {
+        {"TorqueGuard: the tick is 0 s; allowed is [1e-05, 0.1] s. Give the period", [](Given& g) { g.tick_s = 0.0; }},
+        {"the tick is nan s", [](Given& g) { g.tick_s = kNan; }},
+        {"the tick is 1 s", [](Given& g) { g.tick_s = 1.0; }},
+        {"TorqueGuardOptions::limits: the limits are those of 3 joints; the robot has 2. Give each bound",
+         [](Given& g) { g.options.limits = JointLimits::unlimited(3); }},
+        {"jerk_lower has 1 numbers; allowed is 2",
+         [](Given& g) {
+             g.options.limits = g.robot.limits;
+             g.options.limits->jerk.lower.resize(1);
+         }},
+        {"RobotDescription::limits: joint `joint1`: velocity_upper is -1 rad/s; allowed is",
+         [](Given& g) { g.robot.limits.velocity.upper[1] = -1.0; }},
+        {"position_upper is nan", [](Given& g) { g.robot.limits.position.upper[0] = kNan; }},
+        {"finite jerk limit on every joint", [](Given& g) { g.robot.limits.jerk.upper[0] = kInfinity; }},
+        {"CertifiedBrakingOptions::kAlpha", [](Given& g) { g.options.filter.kAlpha = kNan; }},
+        {"CertifiedBrakingOptions::gamma", [](Given& g) { g.options.filter.gamma = kNan; }},
+        {"NricOptions::kr: the gain of joint 0 is nan", [](Given& g) { g.options.robustGains = NricOptions{kNan}; }},
+        {"NricOptions::kp: 3 gains; the robot has 2 joints",
+         [](Given& g) {
+             g.options.robustGains = NricOptions{600.0, JointVector(JointVector::Zero(3))};
+         }},
+        {"TorqueGuardOptions::largestDeviation: 0 for joint `joint0`; allowed is above 0",
+         [](Given& g) { g.options.largestDeviation = 0.0; }},
+        {"TorqueGuardOptions::largestDeviation: 3 numbers",
+         [](Given& g) { g.options.largestDeviation = JointVector(JointVector::Ones(3)); }},
+        {"TorqueConvention::torqueRate: 0 Nm/s for joint `joint0`; allowed is above 0",
+         [](Given& g) { g.options.convention.torqueRate = 0.0; }},
+        {"TorqueConvention::torqueRate: 3 numbers; the robot has 2 joints",
+         [](Given& g) { g.options.convention.torqueRate = JointVector(JointVector::Ones(3)); }},
+        {"TorqueConvention::addsFriction: the friction of joint `joint1` takes up to 9 Nm of the 4 Nm",
+         [](Given& g) {
+             g.robot.actuation.friction = {joints(1.0, 6.0), joints(1.0, 3.0), joints(1.0, 1.0)};
+             g.robot.actuation.torqueLimit = joints(4.0, 4.0);
+             g.options.convention.addsFriction = true;
+         }},
+        {"TorqueGuardOptions::largestSpeed: nan for joint `joint0`", [](Given& g) { g.options.largestSpeed = kNan; }},
+        {"the robot has 0 joints; allowed is 1 to 16", [](Given& g) { g.robot = {}; }},
+        {"the robot has 17 joints", [](Given& g) { g.robot.joints.resize(17); }},
+        {"joint `joint0` has joint 1 as its parent", [](Given& g) { g.robot.joints[0].parent = 1; }},
+        {"toolParent is 2; allowed is -1 to 1", [](Given& g) { g.robot.toolParent = 2; }},
+        {"actuation.torqueLimit has 0 entries; the robot has 2 joints",
+         [](Given& g) { g.robot.actuation.torqueLimit.resize(0); }},
+        {"actuation.torqueLimit of joint `joint1` is 0; allowed is above 0",
+         [](Given& g) { g.robot.actuation.torqueLimit[1] = 0.0; }},
+        {"actuation.rotorInertia of joint `joint0` is -1", [](Given& g) { g.robot.actuation.rotorInertia[0] = -1.0; }},
+        {"actuation.encoderCounts of joint `joint0` is nan",
+         [](Given& g) { g.robot.actuation.encoderCounts[0] = kNan; }},
+    };
+    for (const auto& [words, spoil] : cases) {
+        SCOPED_TRACE(words);
+        Given given;
+        spoil(given);
+        expectError({words}, [&] { TorqueGuard(given.robot, given.tick_s, given.options); });
     }
 }
 

@@ -113,34 +113,15 @@ Problem drawProblem(std::mt19937_64& random, int n, double condition) {
         const double t = 40.0 * normal(random);
         const double a = std::abs(40.0 * normal(random)), b = std::abs(40.0 * normal(random));
         double lower = t - a, upper = t + b;
-        switch (random() % 9) {
-            case 0:
-                break;
-            case 1:
-                upper = t;
-                break;
-            case 2:
-                lower = t;
-                break;
-            case 3:
-                upper = t - a, lower = t - a - b;
-                break;
-            case 4:
-                lower = t + a, upper = t + a + b;
-                break;
-            case 5:
-                lower = upper = t + 40.0 * normal(random);
-                break;
-            case 6:
-                lower = -kInfinity, upper = t - a;
-                break;
-            case 8:
-                lower = t + a, upper = kInfinity;
-                break;
-            case 7:
-                lower = -kInfinity, upper = kInfinity;
-                break;
-        }
+        const auto kind = random() % 9;  // 0: around the target
+        if (kind == 1) upper = t;
+        if (kind == 2) lower = t;
+        if (kind == 3) upper = t - a, lower = t - a - b;
+        if (kind == 4) lower = t + a, upper = t + a + b;
+        if (kind == 5) lower = upper = t + 40.0 * normal(random);
+        if (kind == 6) lower = -kInfinity, upper = t - a;
+        if (kind == 7) lower = -kInfinity, upper = kInfinity;
+        if (kind == 8) lower = t + a, upper = kInfinity;
         p.target[i] = t;
         p.lower[i] = lower;
         p.upper[i] = upper;

@@ -193,6 +193,17 @@ struct Worst {
         iterations = std::max(iterations, iterationsUsed);
         ++solved;
     }
+    /** An answer against a reference that has the optimum `y` of the torques where there is one. */
+    void compare(const Problem& p, const RowQp& solver, RowQp::Status status, const JointVector& x, bool isFeasible,
+                 const LongVector& y) {
+        ASSERT_EQ(status == RowQp::Status::Infeasible, !isFeasible);
+        infeasible += !isFeasible;
+        if (!isFeasible) return;
+        add(Residuals(p, x), solver.iterations());
+        const LongVector expected = p.target.cast<long double>() + TorqueSpace(p).inverse * y;
+        error = std::max(error, static_cast<double>((x.cast<long double>() - expected).cwiseAbs().maxCoeff()));
+        ASSERT_LT(error, 1e-7);
+    }
     void print(const std::string& title) const {
         std::cout << title << ": " << solved << " solved, " << infeasible << " infeasible; worst gradient "
                   << stationarity << ", row " << rows << ", error of x " << error << ", most iterations " << iterations
@@ -218,20 +229,13 @@ Problem drawBox(std::mt19937_64& random, int n, double condition, JointVector& i
     inside = drawVector(random, n, 20.0);
     p.lower = inside - drawVector(random, n, 30.0).cwiseAbs();
     p.upper = inside + drawVector(random, n, 30.0).cwiseAbs();
-    for (int i = 0; i < n; ++i) switch (random() % 12) {
-            case 0:
-                p.lower[i] = -kInfinity;
-                break;
-            case 1:
-                p.upper[i] = kInfinity;
-                break;
-            case 2:
-                p.lower[i] = p.upper[i] = inside[i];
-                break;
-            case 3:
-                inside[i] = p.lower[i];
-                break;
-        }
+    for (int i = 0; i < n; ++i) {
+        const auto kind = random() % 12;
+        if (kind == 0) p.lower[i] = -kInfinity;
+        if (kind == 1) p.upper[i] = kInfinity;
+        if (kind == 2) p.lower[i] = p.upper[i] = inside[i];
+        if (kind == 3) inside[i] = p.lower[i];
+    }
     return p;
 }
 
@@ -244,36 +248,16 @@ void addRows(std::mt19937_64& random, Problem& p, const JointVector& inside, int
         JointVector row = drawVector(random, n, 1.0);
         double slack = std::abs(drawVector(random, 1, 20.0)[0]) * (random() % 4 ? 1.0 : 0.0);
         const JointVector other = k > 0 ? p.rows.normal[random() % k] : row;
-        if (nearness > 0.0) switch (random() % 10) {
-                case 0:
-                    row = other;
-                    break;
-                case 1:
-                    row = -other;
-                    slack = 0.0;
-                    break;
-                case 2:
-                    row = other + drawLog(random, nearness, 1e-2) * other.norm() * row;
-                    break;
-                case 3:
-                    row = -other + drawLog(random, nearness, 1e-2) * other.norm() * row;
-                    slack = 0.0;
-                    break;
-                case 4:
-                    if (k > 1)  // of rows of one size, else it would be nearly parallel to one
-                        row = other.normalized() + 2.0 * p.rows.normal[random() % k].normalized();
-                    break;
-                case 5:
-                    row = JointVector::Unit(n, random() % n) * (random() % 2 ? 1.0 : -1.0);
-                    slack = 0.0;
-                    break;
-                case 6:
-                    row.setZero();
-                    break;
-                case 7:
-                    slack = 0.0;
-                    break;
-            }
+        const auto kind = nearness > 0.0 ? random() % 10 : 10;
+        if (kind == 0) row = other;
+        if (kind == 1) row = -other;
+        if (kind == 2) row = other + drawLog(random, nearness, 1e-2) * other.norm() * row;
+        if (kind == 3) row = -other + drawLog(random, nearness, 1e-2) * other.norm() * row;
+        if (kind == 4 && k > 1)  // of rows of one size, else it would be nearly parallel to one
+            row = other.normalized() + 2.0 * p.rows.normal[random() % k].normalized();
+        if (kind == 5) row = JointVector::Unit(n, random() % n) * (random() % 2 ? 1.0 : -1.0);
+        if (kind == 6) row.setZero();
+        if (kind == 1 || kind == 3 || kind == 5 || kind == 7) slack = 0.0;
         row *= drawLog(random, 1e-6, 1e6) / std::max(row.norm(), 1e-300);
         ASSERT_TRUE(p.rows.add(row, row.dot(inside) - slack * row.norm()));
     }
@@ -292,17 +276,9 @@ TEST(RowQp, AgreesWithEnumerationOfAllActiveSets) {
             addRows(random, p, drawVector(random, n, 80.0), 1 + random() % 2);
         const Enumeration reference(p);
         solveColdAndWarm(qp, p, [&](const RowQp& solver, RowQp::Status status, const JointVector& x) {
-            ASSERT_EQ(status == RowQp::Status::Infeasible, !reference.isFeasible());
-            if (status == RowQp::Status::Infeasible) {
-                ++worst.infeasible;
-                return;
-            }
-            ASSERT_EQ(status == RowQp::Status::TargetInside, reference.y().isZero(0));
-            worst.add(Residuals(p, x), solver.iterations());
-            const LongVector expected = p.target.cast<long double>() + TorqueSpace(p).inverse * reference.y();
-            worst.error =
-                std::max(worst.error, static_cast<double>((x.cast<long double>() - expected).cwiseAbs().maxCoeff()));
-            ASSERT_LT(worst.error, 1e-7);
+            if (status != RowQp::Status::Infeasible)
+                ASSERT_EQ(status == RowQp::Status::TargetInside, reference.y().isZero(0));
+            worst.compare(p, solver, status, x, reference.isFeasible(), reference.y());
         });
         ASSERT_FALSE(HasFatalFailure()) << "problem " << k;
     }
@@ -339,16 +315,7 @@ TEST(RowQp, AgreesWithLeastDistanceProgramming) {
             EXPECT_NEAR(static_cast<double>(space.h.dot(reference.u)), 1.0, 1e-6);
         }
         solveColdAndWarm(qp, p, [&](const RowQp& solver, RowQp::Status status, const JointVector& x) {
-            ASSERT_EQ(status == RowQp::Status::Infeasible, !reference.isFeasible);
-            if (status == RowQp::Status::Infeasible) {
-                ++worst.infeasible;
-                return;
-            }
-            worst.add(Residuals(p, x), solver.iterations());
-            const LongVector expected = p.target.cast<long double>() + space.inverse * reference.y;
-            worst.error =
-                std::max(worst.error, static_cast<double>((x.cast<long double>() - expected).cwiseAbs().maxCoeff()));
-            ASSERT_LT(worst.error, 1e-7);
+            worst.compare(p, solver, status, x, reference.isFeasible, reference.y);
         });
         ASSERT_FALSE(HasFatalFailure()) << "problem " << k;
     }

@@ -7,7 +7,6 @@
 #include <time.h>
 
 #include <atomic>
-#include <cmath>
 #include <random>
 #include <thread>
 

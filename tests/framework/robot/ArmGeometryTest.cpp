@@ -6,8 +6,7 @@ namespace viable {
 namespace {
 
 /** base, a joint, `upper` with a fixed `plate` on it, a joint, `fore`. */
-class ArmGeometryTest : public ::testing::Test {
-protected:
+struct ArmGeometryTest : ::testing::Test {
     ArmGeometryTest() {
         makeSimpleArm(folder_);
         RobotFolder::replace(

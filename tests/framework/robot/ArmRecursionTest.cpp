@@ -14,8 +14,7 @@ ones. */
 constexpr double kRelative = 1e-10;
 
 /** The same arm by Simbody. */
-class ArmRecursionTest : public SampleArmTest, public ::testing::WithParamInterface<std::string> {
-protected:
+struct ArmRecursionTest : SampleArmTest, public ::testing::WithParamInterface<std::string> {
     ArmRecursionTest()
         : SampleArmTest(loadSampleArm(GetParam(), {1.0, -2.0, -9.0}), 20260607, DynamicsEngine::Simbody),
           arm_(robot_) {}

@@ -5,8 +5,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class FindRobotTest : public ::testing::Test {
-protected:
+struct FindRobotTest : ::testing::Test {
     fs::path make(const std::string& folder, const std::string& name) {
         const fs::path path = temporary_.path() / folder / name;
         fs::create_directories(path);

@@ -11,8 +11,7 @@ using test::expectContains;
 using ::testing::internal::CaptureStderr;
 using ::testing::internal::GetCapturedStderr;
 
-class LoadRobotTest : public ::testing::Test {
-protected:
+struct LoadRobotTest : ::testing::Test {
     LoadRobotTest() { makeSimpleArm(folder_); }
     void change(const std::string& from, const std::string& to) { RobotFolder::replace(folder_.urdf, from, to); }
     std::string findFault() { return folder_.writeAndFindFault(); }

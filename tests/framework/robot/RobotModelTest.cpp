@@ -11,8 +11,7 @@ namespace {
 using Sample = std::tuple<const char*, DynamicsEngine>;
 
 /** M, b, pose and Jacobian of every kind of arm by both engines against routes that share no formula with them. */
-class RobotModelTest : public SampleArmTest, public ::testing::WithParamInterface<Sample> {
-protected:
+struct RobotModelTest : SampleArmTest, public ::testing::WithParamInterface<Sample> {
     RobotModelTest() : SampleArmTest(loadSampleArm(std::get<0>(GetParam())), 20240607, std::get<1>(GetParam())) {}
 
     RobotModel makeModel(const RobotDescription& robot) const { return {robot, std::get<1>(GetParam())}; }
@@ -214,7 +213,7 @@ TEST_P(RobotModelTest, Fault49_ATickAllocatesNothing) {
 }
 
 TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) {
-    for (const double bad : {kNan, kInfinity}) {
+    for (const double bad : {kNan, kInfinity})
         for (int joint = 0; joint < n_; ++joint) {
             const JointVector zero = JointVector::Zero(n_);
             JointVector wrong = zero;
@@ -228,7 +227,6 @@ TEST_P(RobotModelTest, NumbersThatAreNotFiniteComeBackAsSuchWithoutAnException) 
             EXPECT_TRUE(d.b.hasNaN());
             EXPECT_TRUE(isFinite(calc(zero, zero), n_)) << "the next call is unharmed";
         }
-    }
     Dynamics d;
     EXPECT_NO_THROW(model_.calcDynamics(JointVector::Constant(n_, 1e300), JointVector::Constant(n_, -1e300), d));
 }

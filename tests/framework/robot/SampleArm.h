@@ -43,8 +43,7 @@ inline RobotDescription loadSampleArm(const std::string& name, const Eigen::Vect
 }
 
 /** Tests of an arm in random states. */
-class SampleArmTest : public ::testing::Test {
-protected:
+struct SampleArmTest : ::testing::Test {
     SampleArmTest(RobotDescription robot, std::uint64_t seed, DynamicsEngine engine)
         : robot_(std::move(robot)), n_(robot_.size()), model_(robot_, engine), random_(seed) {}
 

@@ -26,8 +26,7 @@ double calcOvershootBound(const JointLimits& limits, double tick_s) {
 
 using Bench = LawBench<AccelerationViability>;
 
-class AccelerationViabilityTest : public ::testing::Test {
-protected:
+struct AccelerationViabilityTest : ::testing::Test {
     static constexpr const char* kName = "acceleration_viability";
 
     /** The limits hold and the run was worth looking at. */
@@ -42,14 +41,13 @@ protected:
 
 TEST_F(AccelerationViabilityTest, SingleJointStaysInsideButForTheJerk) {
     Bench bench("single_joint", kName);
-    for (const bool bangBang : {false, true}) {
+    for (const bool bangBang : {false, true})
         for (unsigned seed = 1; seed <= 20; ++seed) {
             const LawOutcome outcome = bench.push("k_alpha: 5", 20.0, 30.0, bangBang, seed);
             SCOPED_TRACE("seed " + std::to_string(seed));
             expectHeld(outcome, bench.arm.limits, bench.arm.tick_s);
             EXPECT_GT(outcome.excess.jerk, 10.0);  // times the limit, at the least
         }
-    }
 }
 
 TEST_F(AccelerationViabilityTest, ArmStaysInsideButForTheJerk) {

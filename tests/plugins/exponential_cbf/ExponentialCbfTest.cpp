@@ -26,14 +26,9 @@ double calcCondition(LimitKind kind, const AxisState& s, double jerk, double lim
     const double first = (8 * (h(d) - h(-d)) - (h(2 * d) - h(-2 * d))) / (12 * d);
     const double second = (h(d) - 2 * h(0) + h(-d)) / (d * d);
     const double third = (h(2 * d) - 2 * h(d) + 2 * h(-d) - h(-2 * d)) / (2 * d * d * d);
-    switch (kind) {
-        case LimitKind::Position:
-            return third + 3 * k * second + 3 * k * k * first + k * k * k * h(0);
-        case LimitKind::Velocity:
-            return second + 2 * k * first + k * k * h(0);
-        default:
-            return first + k * h(0);
-    }
+    if (kind == LimitKind::Position) return third + 3 * k * second + 3 * k * k * first + k * k * k * h(0);
+    if (kind == LimitKind::Velocity) return second + 2 * k * first + k * k * h(0);
+    return first + k * h(0);
 }
 
 TEST(ExponentialBarrier, RowsAreWhereTheBarrierConditionIsZero) {

@@ -166,20 +166,19 @@ private:
     std::thread thread_;
 };
 
-/** One that lives by the clock. */
-RobotMind makeClocked() {
-    RobotMind mind;
-    mind.isInStep = false;
+/** A robot that differs in this. */
+template <class T, class Value>
+RobotMind makeMind(T RobotMind::*part, const Value& value, RobotMind mind = {}) {
+    mind.*part = value;
     return mind;
 }
+
+/** One that lives by the clock. */
+const RobotMind kClocked = makeMind(&RobotMind::isInStep, false);
 
 void sleepFor(double seconds) {
     const timespec pause{0, static_cast<long>(seconds * 1e9)};
     nanosleep(&pause, nullptr);
-}
-
-void expectSays(const std::string& text, const std::string& part) {
-    test::expectContains(text, {part});
 }
 
 std::string say(const TestRobot& robot, const std::string& more = "", const std::string& silence_s = "1") {
@@ -259,9 +258,8 @@ TEST_P(LinkOver, AnArmIsDrivenAndEachRunBeginsAnew) {
 
 /** Exactly those, by the robot's own numbers, which these states bear as a torque. */
 TEST_P(LinkOver, Fault83TicksThatTheHostSleptAreMissedTicks) {
-    RobotMind mind = makeClocked();
-    mind.flags = VL_ENABLED | VL_HAS_EXTERNAL;
-    Linked arm(GetParam(), mind, "external_torque: true");
+    Linked arm(GetParam(), makeMind(&RobotMind::flags, VL_ENABLED | VL_HAS_EXTERNAL, kClocked),
+               "external_torque: true");
     sleepFor(0.05);  // before the first read() nothing is missed
     ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
     EXPECT_EQ(arm.passed, 1);
@@ -285,8 +283,8 @@ TEST_P(LinkOver, Fault84ARobotThatIsSilentIsGone) {
     EXPECT_EQ(status, TickStatus::Faulted);
     EXPECT_GE(vl_now_ns() - begin, 500'000'000);
     const std::string why = detail::readFaultExplanation();
-    expectSays(why, "it cannot drive the robot at " + arm.robot.address +
-                        " any more: no state has come for 0.5 s; see that it and the line are up (packets: ");
+    EXPECT_CONTAINS(why, "it cannot drive the robot at " + arm.robot.address +
+                             " any more: no state has come for 0.5 s; see that it and the line are up (packets: ");
     EXPECT_EQ(plant.advance(arm.bench.dynamics().b, arm.applied), TickStatus::Faulted);
     EXPECT_EQ(plant.read(arm.passed), TickStatus::Faulted);
     EXPECT_EQ(detail::readFaultExplanation(), why);
@@ -334,9 +332,7 @@ TEST(LinkPlant, ATorqueThatIsNotFiniteIsNeverSent) {
 }
 
 TEST(LinkPlant, WhereTheRobotAddsGravityItIsSentTheRest) {
-    RobotMind mind;
-    mind.addsGravity = true;
-    Linked arm("udp", mind, "adds_gravity: true");
+    Linked arm("udp", makeMind(&RobotMind::addsGravity, true), "adds_gravity: true");
     Dynamics dynamics;
     for (int k = 0; k < 20; ++k) {
         ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
@@ -374,9 +370,7 @@ TEST(LinkPlant, TorquesAreCutAtTheMotorsAndChangeAsFastAsTheRobotAccepts) {
 }
 
 TEST(LinkPlant, TheTorqueOfTheSurroundingsIsPassedOn) {
-    RobotMind mind;
-    mind.flags = VL_ENABLED | VL_HAS_EXTERNAL;
-    Linked arm("shm", mind, "external_torque: true");
+    Linked arm("shm", makeMind(&RobotMind::flags, VL_ENABLED | VL_HAS_EXTERNAL), "external_torque: true");
     ASSERT_NE(arm.plant.externalTorque(), nullptr);
     ASSERT_EQ(arm.plant.read(arm.passed), TickStatus::Ok);
     EXPECT_EQ((*arm.plant.externalTorque())[1], 0.5);
@@ -391,13 +385,14 @@ TEST(LinkPlant, WithAKeyOnlyWhoKnowsItIsHeard) {
     RobotMind mind;
     ASSERT_EQ(vl_key_from_hex("000102030405060708090a0b0c0d0e0f", &mind.key), 0);
     Linked("udp", mind, "key_file: " + file).drive(5);
-    expectSays(refusal(mind, "connect_timeout_s: 0.3, key_file: " + other), "does not answer (tried for 0.3 s)");
-    expectSays(refusal({}, "key_file: " + bad),
-               ": it does not hold a key of 32 hexadecimal digits; make one: (umask 077;");
+    EXPECT_CONTAINS(refusal(mind, "connect_timeout_s: 0.3, key_file: " + other), "does not answer (tried for 0.3 s)");
+    EXPECT_CONTAINS(refusal({}, "key_file: " + bad),
+                    ": it does not hold a key of 32 hexadecimal digits; make one: (umask 077;");
     for (const char* mode : {"644", "640", "620", "602"}) {
         chmod(file.c_str(), static_cast<mode_t>(std::strtol(mode, nullptr, 8)));
-        expectSays(refusal({}, "key_file: " + file), ": other users can read or write it (mode " + std::string(mode) +
-                                                         "); if nobody did: chmod 600 " + file);
+        EXPECT_CONTAINS(
+            refusal({}, "key_file: " + file),
+            ": other users can read or write it (mode " + std::string(mode) + "); if nobody did: chmod 600 " + file);
     }
 }
 
@@ -406,43 +401,38 @@ TEST(LinkPlant, ARobotThatSendsNoNumbersIsNotOneThatIsSilent) {
     TestRobot robot("udp");
     robot.saysNan = true;
     LinkPlant plant;
-    expectSays(test::catchError([&] { bench.configure(plant, say(robot, "connect_timeout_s: 0.3")); }),
-               "sends states with numbers that are not finite, or that no arm has. See what its driver");
+    EXPECT_CONTAINS(test::catchError([&] { bench.configure(plant, say(robot, "connect_timeout_s: 0.3")); }),
+                    "sends states with numbers that are not finite, or that no arm has. See what its driver");
 }
 
 TEST(LinkPlant, WhatCannotBeCalledIsRefused) {
     const PluginBench bench;
     for (const char* bad : {"localhost:47100", "127.0.0.1", "robot"}) {
         LinkPlant plant;
-        expectSays(test::catchError([&] { bench.configure(plant, std::string("address: \"") + bad + "\""); }),
-                   std::string("'") + bad + "' is no address of a robot. Write numbers");
+        EXPECT_CONTAINS(test::catchError([&] { bench.configure(plant, std::string("address: \"") + bad + "\""); }),
+                        std::string("'") + bad + "' is no address of a robot. Write numbers");
     }
     for (const char* absent : {"shm:viable-nobody-has-this", "127.0.0.1:9"}) {
         LinkPlant plant;
         const std::string told = test::catchError(
             [&] { bench.configure(plant, std::string("connect_timeout_s: 0.1, address: \"") + absent + "\""); });
-        expectSays(told, std::string("the robot at ") + absent);
-        expectSays(told, "See that `viable robot` or the robot's driver runs");
+        EXPECT_CONTAINS(told, std::string("the robot at ") + absent);
+        EXPECT_CONTAINS(told, "See that `viable robot` or the robot's driver runs");
     }
 }
 
 TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
-    RobotMind mind;
-    mind.flags = VL_ENABLED | VL_BRAKES;
-    expectSays(refusal(mind), "has its brakes closed. Open them at the robot");
-    mind.flags = VL_ENABLED | VL_FAULT;
-    expectSays(refusal(mind), "reports a fault of its own. Find and clear it");
-    mind.flags = 0;
-    expectSays(refusal(mind), "is not enabled. Switch its motors on");
-    mind = {};
-    mind.velocity = 0.5;
-    expectSays(refusal(mind, "connect_timeout_s: 3"), "does not come to rest: its joints move with up to 0.5 rad/s");
+    const std::pair<int, const char*> refused[] = {
+        {VL_ENABLED | VL_BRAKES, "has its brakes closed. Open them at the robot"},
+        {VL_ENABLED | VL_FAULT, "reports a fault of its own. Find and clear it"},
+        {0, "is not enabled. Switch its motors on"}};
+    for (const auto& [flags, why] : refused) EXPECT_CONTAINS(refusal(makeMind(&RobotMind::flags, flags)), why);
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::velocity, 0.5), "connect_timeout_s: 3"),
+                    "does not come to rest: its joints move with up to 0.5 rad/s");
     /** Within so many ticks; the robot is then told to stop. */
     const auto expectEnd = [&](const std::function<void(TestRobot&)>& change, const std::string& why, int ticks = 3,
                                const std::string& more = "repeat_ticks: 200") {
-        RobotMind its;
-        its.flags = VL_ENABLED | VL_HAS_EXTERNAL;
-        Linked arm("udp", its, more, "0.3");
+        Linked arm("udp", makeMind(&RobotMind::flags, VL_ENABLED | VL_HAS_EXTERNAL), more, "0.3");
         TestRobot& robot = arm.robot;
         arm.drive(5);
         change(robot);
@@ -451,7 +441,7 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
         for (; k < 3000 && status == TickStatus::Ok; ++k) status = arm.carry();
         EXPECT_EQ(status, TickStatus::Faulted) << why;
         EXPECT_LE(k, ticks) << why;
-        expectSays(detail::readFaultExplanation(), why);
+        EXPECT_CONTAINS(detail::readFaultExplanation(), why);
         robot.isDeaf = false;
         sleepFor(0.05);
         robot.stop();
@@ -489,20 +479,15 @@ TEST(Fault84, ARobotThatCannotFollowIsRefusedAndInARunEndsIt) {
 }
 
 TEST(Fault84, ATickThatIsNotThatOfItsClockIsRefusedWithBoth) {
-    RobotMind mind;
-    mind.counted_ns = 2'000'000;
-    expectSays(refusal(mind),
-               "says that its tick is 0.001 s, and its time goes on by 0.002 s in each. Correct the tick");
-    mind = makeClocked();
-    mind.counted_ns = 0;
-    mind.period_ns = 2'000'000;
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::counted_ns, 2'000'000)),
+                    "says that its tick is 0.001 s, and its time goes on by 0.002 s in each. Correct the tick");
+    const RobotMind mind = makeMind(&RobotMind::period_ns, 2'000'000, makeMind(&RobotMind::counted_ns, 0, kClocked));
     // Here the computer's clock makes the ticks, and the median of some of them is no round number.
     const std::string why = refusal(mind), said = "says that its tick is 0.001 s, and its time goes on by ";
     ASSERT_NE(why.find(said), std::string::npos) << why;
     EXPECT_NEAR(std::strtod(why.c_str() + why.find(said) + said.size(), nullptr), 0.002, 2e-4) << why;
-    mind = {};
-    mind.counted_ns = 1'250'001;  // beyond what a clock may differ; 1 % is tried below
-    expectSays(refusal(mind), "its time goes on by 0.00125 s in each");
+    // Beyond what a clock may differ; 1 % is tried below.
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::counted_ns, 1'250'001)), "its time goes on by 0.00125 s in each");
     // Late in one tick of four, and otherwise in time: that is no other tick.
     RobotMind late;
     int sent = 0;
@@ -518,12 +503,11 @@ TEST(Fault84, ATickThatIsNotThatOfItsClockIsRefusedWithBoth) {
 
 /** 10 ticks to the robot, where the gains reckon with one. */
 TEST(Fault83, ALineThatIsSlowerThanTheFileSaysIsRefused) {
-    RobotMind mind = makeClocked();
-    mind.latency = 10;
+    const RobotMind mind = makeMind(&RobotMind::latency, 10, kClocked);
     const std::string why = refusal(mind);
-    expectSays(why, "ticks after the state that it answers (median of ");
-    expectSays(why,
-               "and the file says delay_ticks: 1. See what slows the line or this computer, or write delay_ticks: 1");
+    EXPECT_CONTAINS(why, "ticks after the state that it answers (median of ");
+    EXPECT_CONTAINS(
+        why, "and the file says delay_ticks: 1. See what slows the line or this computer, or write delay_ticks: 1");
     Linked arm("udp", mind, "delay_ticks: 11");
     arm.drive(50);
     EXPECT_GT(arm.plant.measured().qd[0], 0.01);
@@ -532,7 +516,7 @@ TEST(Fault83, ALineThatIsSlowerThanTheFileSaysIsRefused) {
 /** Its packets make the ticks, whatever another clock says. */
 TEST(Fault84, AClockOnePercentFastOrSlowIsFollowed) {
     for (const std::int64_t period_ns : {990'000, 1'010'000}) {
-        RobotMind mind = makeClocked();
+        RobotMind mind = kClocked;
         mind.period_ns = mind.counted_ns = period_ns;
         Linked arm("udp", mind);
         arm.drive(1);
@@ -545,21 +529,22 @@ TEST(Fault84, AClockOnePercentFastOrSlowIsFollowed) {
 /** As where all answers come too late: the run does not go on beside an arm that nobody drives, and would have to catch up
 with the nominal one in a jump. */
 TEST(Fault83, ARobotThatTakesNoTorqueEndsTheRunBeforeTheArmsAreApart) {
-    Linked arm("udp", makeClocked(), "repeat_ticks: 1000");
+    Linked arm("udp", kClocked, "repeat_ticks: 1000");
     arm.robot.isDeaf = true;
     TickStatus status = TickStatus::Ok;
     int torques = 0;
     for (; torques < 1000 && status == TickStatus::Ok; ++torques) status = arm.carry();
     EXPECT_EQ(status, TickStatus::Faulted);
     EXPECT_LE(torques, 40);
-    expectSays(detail::readFaultExplanation(),
-               "ticks after the first one: they are lost, or come later than repeat_ticks: 1000 allows");
+    EXPECT_CONTAINS(detail::readFaultExplanation(),
+                    "ticks after the first one: they are lost, or come later than repeat_ticks: 1000 allows");
 }
 
 TEST(Fault83, ARobotOfAnotherVersionIsRefused) {
     RobotMind mind;
     mind.spoil = [](std::uint8_t* packet) { packet[4] = VL_VERSION + 1; };
-    expectSays(refusal(mind), "speaks version 2 of the link, and this is version 1. Build both sides with the same");
+    EXPECT_CONTAINS(refusal(mind),
+                    "speaks version 2 of the link, and this is version 1. Build both sides with the same");
     mind.spoil = [n = 0](std::uint8_t* packet) mutable {  // three of them are bits that flipped on the line
         if (++n <= 3) packet[4] = VL_VERSION + 1;
     };
@@ -576,10 +561,10 @@ TEST(LinkPlant, TheCallEndsSoonWhenTheUserAsksForIt) {
             detail::stopSignal = SIGINT;
         });
         const std::int64_t begin = vl_now_ns();
-        expectSays(test::catchError([&] {
-                       bench.configure(plant, std::string("connect_timeout_s: 20, address: \"") + absent + "\"");
-                   }),
-                   "was still being called when the user asked for the end");
+        EXPECT_CONTAINS(test::catchError([&] {
+                            bench.configure(plant, std::string("connect_timeout_s: 20, address: \"") + absent + "\"");
+                        }),
+                        "was still being called when the user asked for the end");
         user.join();
         detail::stopSignal = 0;
         EXPECT_LT(vl_now_ns() - begin, 300'000'000);
@@ -587,48 +572,34 @@ TEST(LinkPlant, TheCallEndsSoonWhenTheUserAsksForIt) {
 }
 
 TEST(Fault83, ARobotOfAnotherSizeOrTickIsRefused) {
-    RobotMind mind;
-    mind.joints = 3;
-    expectSays(refusal(mind), "has 3 joints, and the arm of the file 2. Name the robot that stands there");
-    mind = {};
-    mind.tick_s = 0.002;
-    mind.counted_ns = 2'000'000;
-    expectSays(refusal(mind), "has a tick of 0.002 s, and the file one of 0.001 s. Write tick_s: 0.002");
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::joints, 3)),
+                    "has 3 joints, and the arm of the file 2. Name the robot that stands there");
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::counted_ns, 2'000'000, makeMind(&RobotMind::tick_s, 0.002))),
+                    "has a tick of 0.002 s, and the file one of 0.001 s. Write tick_s: 0.002");
 }
 
 TEST(Fault85, AnotherConventionOfGravityOrSignsIsRefusedWithTheMeasuredAndTheExpectedTorque) {
-    RobotMind mind;
-    mind.addsGravity = true;
-    expectSays(refusal(mind),
-               "makes up for gravity itself, and the file says adds_gravity: false. Write "
-               "adds_gravity: true");
-    expectSays(refusal({}, "adds_gravity: true"),
-               "does not make up for gravity itself, and the file says adds_gravity: true");
+    RobotMind mind = makeMind(&RobotMind::addsGravity, true);
+    EXPECT_CONTAINS(refusal(mind),
+                    "makes up for gravity itself, and the file says adds_gravity: false. Write adds_gravity: true");
+    EXPECT_CONTAINS(refusal({}, "adds_gravity: true"),
+                    "does not make up for gravity itself, and the file says adds_gravity: true");
     mind.gravityShare = 2.0;  // it says so, but its torques are with gravity
-    const std::string with = refusal(mind, "adds_gravity: true");
-    expectSays(with, "Nm, and the model expects [0, 0] Nm beside what the robot adds for gravity");
-    expectSays(with, "It looks as if the robot did not subtract gravity");
-    mind = {};
-    mind.gravityShare = 0.0;
-    expectSays(refusal(mind), "It looks as if the robot added gravity itself: write adds_gravity: true");
-    mind = {};
-    mind.torqueFactor = -1.0;
-    const std::string reversed = refusal(mind);
-    expectSays(reversed, "carries its arm at rest with [");
-    expectSays(reversed, "It looks as if its signs were reversed.");
-    mind = {};
-    mind.exchangesJoints = true;
-    expectSays(refusal(mind), "the signs and the order of the joints");
-    mind = {};
-    mind.away = 0.1;
-    const std::string elsewhere = refusal(mind);
-    expectSays(elsewhere, "does not stand where the file starts: joint1 is at -0.4, and the start -0.5");
-    expectSays(elsewhere, "write its pose as the start: {position_rad: [0.3, -0.4]}");
-    mind = {};
-    mind.flags |= VL_ADDS_FRICTION;
-    expectSays(refusal(mind), "makes up for friction itself, and the file says adds_friction: false");
-    expectSays(refusal(mind, "adds_friction: true"), "has friction, which the robust loop would make up for");
-    expectSays(refusal({}, "external_torque: true"), "does not measure the torque of the surroundings");
+    test::expectContains(refusal(mind, "adds_gravity: true"),
+                         {"Nm, and the model expects [0, 0] Nm beside what the robot adds for gravity",
+                          "It looks as if the robot did not subtract gravity"});
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::gravityShare, 0.0)),
+                    "It looks as if the robot added gravity itself: write adds_gravity: true");
+    test::expectContains(refusal(makeMind(&RobotMind::torqueFactor, -1.0)),
+                         {"carries its arm at rest with [", "It looks as if its signs were reversed."});
+    EXPECT_CONTAINS(refusal(makeMind(&RobotMind::exchangesJoints, true)), "the signs and the order of the joints");
+    test::expectContains(refusal(makeMind(&RobotMind::away, 0.1)),
+                         {"does not stand where the file starts: joint1 is at -0.4, and the start -0.5",
+                          "write its pose as the start: {position_rad: [0.3, -0.4]}"});
+    mind = makeMind(&RobotMind::flags, VL_ENABLED | VL_ADDS_FRICTION);
+    EXPECT_CONTAINS(refusal(mind), "makes up for friction itself, and the file says adds_friction: false");
+    EXPECT_CONTAINS(refusal(mind, "adds_friction: true"), "has friction, which the robust loop would make up for");
+    EXPECT_CONTAINS(refusal({}, "external_torque: true"), "does not measure the torque of the surroundings");
 }
 
 }  // namespace

@@ -5,8 +5,7 @@
 namespace viable {
 namespace {
 
-class NoneTest : public ::testing::Test {
-protected:
+struct NoneTest : ::testing::Test {
     NoneTest() {
         arm_.configure(none_, PluginKind::RobustLoop, "none");
         real_ = {arm_.start.q, arm_.start.qd};

@@ -6,8 +6,7 @@
 namespace viable {
 namespace {
 
-class NricTest : public ::testing::Test {
-protected:
+struct NricTest : ::testing::Test {
     NricTest() { arm_.robot.actuation.torqueLimit.setConstant(n(), kInfinity); }
 
     int n() const { return arm_.size(); }

@@ -16,8 +16,7 @@ const char* const kFreiburg = VIABLE_SOURCE_DIR "/../shared/data/freiburg1_xyz-g
 constexpr double kPrecise = 100.0;
 
 // Recordings are written to a folder of their own and vanish with the test.
-class RecordedPosesTest : public ::testing::Test {
-protected:
+struct RecordedPosesTest : ::testing::Test {
     RecordedPosesTest() {
         const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
         folder_ = std::filesystem::path(::testing::TempDir()) / ("viable_recorded_poses_" + std::string(info->name()));

@@ -99,8 +99,7 @@ private:
 };
 
 /** The plugin with three joints, ticks of 1 ms, and a clock that the test advances with them. */
-class StreamTest : public ::testing::Test {
-protected:
+struct StreamTest : ::testing::Test {
     void begin(const std::string& parameters = "") {
         bench_.configure(stream_, "name: " + name_ + (parameters.empty() ? "" : ", " + parameters));
         stream_.reset(bench_.start);
@@ -436,10 +435,9 @@ TEST_F(StreamTest, TheDescriptionTellsProgramsHowToSend) {
 
 TEST(Stream, ANameMustBeOne) {
     const CommandBench bench;
-    for (const char* name : {"../x", "a b", "\"\"", "a/b"}) {
+    for (const char* name : {"../x", "a b", "\"\"", "a/b"})
         expectContains(bench.findComplaint<Stream>(std::string("name: ") + name),
                        {"is no name of a socket", "Write 1 to 40 letters, digits, - or _"});
-    }
 }
 
 TEST(Stream, AFolderThatOthersCanEnterIsRefused) {

@@ -16,8 +16,7 @@ std::string withPapers(const std::string& text) {
            (text.empty() ? "" : ", " + text);
 }
 
-class TaskSpacePdTest : public ::testing::Test {
-protected:
+struct TaskSpacePdTest : ::testing::Test {
     void configure(const std::string& text) { configure(controller_, text); }
     void configure(NominalController& controller, const std::string& text) {
         arm_.configure(controller, PluginKind::NominalController, "task_space_pd", withPapers(text));

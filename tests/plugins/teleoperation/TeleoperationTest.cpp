@@ -13,75 +13,69 @@ using Refusal = HandRefusal;
 using Eigen::Vector3d;
 
 /** The plugin on an Indy7, ticks of 1 ms, a clock that the test advances, and an operator that sends 50 messages a second. */
-class Bench {
-public:
+struct Bench {
     explicit Bench(const std::string& parameters = "space: tool", bool runs = true)
-        : source_([this] { return now_; }), robot_(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7")), model_(robot_) {
-        const int n = robot_.size();
-        start_ = {robot_.home, JointVector::Zero(n), JointVector::Zero(n)};
-        startTool_ = poseOf(start_.q);
+        : source([this] { return now; }), robot(loadRobot(VIABLE_SOURCE_DIR "/robots/indy7")), model(robot) {
+        const int n = robot.size();
+        start = {robot.home, JointVector::Zero(n), JointVector::Zero(n)};
+        startTool = poseOf(start.q);
         const ConfigNode root = parseConfig("command: {" + parameters + "}\n", "experiment.yaml");
         const PluginEntry& entry = testing::openOwnPlugin();
-        source_.configure({robot_, robot_.limits, 0.001, 1.0, start_, startTool_},
-                          readParameters(*root.find("command"), entry.parameters, entry.parameterCount, n));
-        source_.observe(start_.q, start_.q);
+        source.configure({robot, robot.limits, 0.001, 1.0, start, startTool},
+                         readParameters(*root.find("command"), entry.parameters, entry.parameterCount, n));
+        source.observe(start.q, start.q);
         if (runs) tick();
-        message_.joints.setZero(n);
-        message_.isTracked = true;
-        message_.hand.position = {3.0, 1.0, -2.0};  // anywhere
-        message_.hand.orientation = Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5);
+        hand.joints.setZero(n);
+        hand.isTracked = true;
+        hand.hand.position = {3.0, 1.0, -2.0};  // anywhere
+        hand.hand.orientation = Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5);
     }
 
-    HandMessage& hand() { return message_; }
-    Teleoperation& source() { return source_; }
-    const MotionCommand& command() const { return command_; }
-    const Pose& startTool() const { return startTool_; }
-    const MotionState& start() const { return start_; }
-    TeleoperationFeed::Status status() { return source_.feed()->status(); }
+    TeleoperationFeed::Status status() { return source.feed()->status(); }
     State state() { return status().state; }
 
     Pose poseOf(const JointVector& q) {
         Dynamics dynamics;
-        model_.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
+        model.calcDynamics(q, JointVector::Zero(q.size()), dynamics);
         return dynamics.tool;
     }
 
     void tick(int count = 1) {
         for (int k = 0; k < count; ++k) {
-            now_ += 0.001;
-            t_ += 0.001;
-            ASSERT_EQ(source_.sample(t_, command_), TickStatus::Ok);
-            ASSERT_TRUE(command_.tool.position.allFinite() && command_.q.allFinite());
+            now += 0.001;
+            time += 0.001;
+            ASSERT_EQ(source.sample(time, command), TickStatus::Ok);
+            ASSERT_TRUE(command.tool.position.allFinite() && command.q.allFinite());
         }
     }
-    /** The message as it is, and the ticks until the next one. */
-    void send(int ticks = 20) {
-        message_.sent_s = now_ + 1000.0;  // of another clock
-        source_.feed()->put(message_);
+    /** The message as it is, and the ticks until the next one. @return the state then */
+    State send(int ticks = 20) {
+        hand.sent_s = now + 1000.0;  // of another clock
+        source.feed()->put(hand);
         tick(ticks);
+        return state();
     }
     /** The same, the switch being as this. */
-    void press(unsigned engagement, int ticks = 20) {
-        message_.engagement = engagement;
-        send(ticks);
+    State press(unsigned engagement, int ticks = 20) {
+        hand.engagement = engagement;
+        return send(ticks);
     }
     /** The same, the hand being so much farther along x [m]. */
-    void advance(double way, int ticks = 20) {
-        message_.hand.position.x() += way;
-        send(ticks);
+    State advance(double way, int ticks = 20) {
+        hand.hand.position.x() += way;
+        return send(ticks);
     }
     /** The loop stands still, the clock does not. */
-    void pause(double seconds) { now_ += seconds; }
+    void pause(double seconds) { now += seconds; }
 
-private:
-    double now_ = 5.0, t_ = 0.0;
-    Teleoperation source_;
-    RobotDescription robot_;
-    RobotModel model_;
-    MotionState start_;
-    Pose startTool_;
-    HandMessage message_;
-    MotionCommand command_;
+    double now = 5.0, time = 0.0;
+    Teleoperation source;
+    RobotDescription robot;
+    RobotModel model;
+    MotionState start;
+    Pose startTool;
+    HandMessage hand;
+    MotionCommand command;
 };
 
 void expectSamePose(const Pose& a, const Pose& b, double tolerance = 1e-12) {
@@ -92,139 +86,129 @@ void expectSamePose(const Pose& a, const Pose& b, double tolerance = 1e-12) {
 TEST(Teleoperation, RestsAtTheStartUntilAHandComes) {
     Bench bench;
     bench.tick(100);
-    expectSamePose(bench.command().tool, bench.startTool());
+    expectSamePose(bench.command.tool, bench.startTool);
     EXPECT_EQ(bench.state(), State::Released);
     bench.send();  // a hand without the switch
-    expectSamePose(bench.command().tool, bench.startTool());
+    expectSamePose(bench.command.tool, bench.startTool);
     EXPECT_EQ(bench.state(), State::Released);
 }
 
 TEST(Teleoperation, EngagingAnywhereMovesNothingAndThenTheToolMovesAsTheHand) {
     Bench bench;
-    HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    hand.scale = 0.5;
-    bench.send();
-    EXPECT_EQ(bench.state(), State::Engaged);
-    expectSamePose(bench.command().tool, bench.startTool());
-    const Pose before = hand.hand;
+    bench.hand.engagement = 1;
+    bench.hand.scale = 0.5;
+    EXPECT_EQ(bench.send(), State::Engaged);
+    expectSamePose(bench.command.tool, bench.startTool);
+    const Pose before = bench.hand.hand;
     for (int k = 0; k < 10; ++k) {
-        hand.hand.position += Vector3d(0.02, 0.0, -0.01);
-        hand.hand.orientation = Eigen::AngleAxisd(0.05, Vector3d::UnitY()) * hand.hand.orientation;
+        bench.hand.hand.position += Vector3d(0.02, 0.0, -0.01);
+        bench.hand.hand.orientation = Eigen::AngleAxisd(0.05, Vector3d::UnitY()) * bench.hand.hand.orientation;
         bench.send();
     }
     EXPECT_LE(
-        (bench.command().tool.position - bench.startTool().position - 0.5 * (hand.hand.position - before.position))
+        (bench.command.tool.position - bench.startTool.position - 0.5 * (bench.hand.hand.position - before.position))
             .norm(),
         1e-12);
-    EXPECT_LE((calcTurn(bench.startTool(), bench.command().tool) - Vector3d(0.0, 0.5, 0.0)).norm(),
+    EXPECT_LE((calcTurn(bench.startTool, bench.command.tool) - Vector3d(0.0, 0.5, 0.0)).norm(),
               1e-9);  // not scaled
-    EXPECT_TRUE(bench.command().toolTwist.isZero());
+    EXPECT_TRUE(bench.command.toolTwist.isZero());
 }
 
 TEST(Teleoperation, AxesAndPartsOfTheHandAreMapped) {
     Bench bench("axes: [0, 0, -1, -1, 0, 0, 0, 1, 0]");  // as of a headset: x right, y up, z back
-    HandMessage& hand = bench.hand();
-    hand.engagement = 7;
-    hand.part = HandMessage::Part::Position;
+    bench.hand.engagement = 7;
+    bench.hand.part = HandMessage::Part::Position;
     bench.send();
-    hand.hand.position += Vector3d(0.0, 0.05, -0.1);
-    hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * hand.hand.orientation;
+    bench.hand.hand.position += Vector3d(0.0, 0.05, -0.1);
+    bench.hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * bench.hand.hand.orientation;
     bench.send();
-    Vector3d moved = bench.command().tool.position - bench.startTool().position;
+    Vector3d moved = bench.command.tool.position - bench.startTool.position;
     EXPECT_LE((moved - Vector3d(0.1, 0.0, 0.05)).norm(), 1e-12);
-    EXPECT_LE(calcTurn(bench.startTool(), bench.command().tool).norm(), 1e-7);
+    EXPECT_LE(calcTurn(bench.startTool, bench.command.tool).norm(), 1e-7);
 
-    hand.part = HandMessage::Part::Rotation;  // latches anew
+    bench.hand.part = HandMessage::Part::Rotation;  // latches anew
     bench.send();
-    hand.hand.position += Vector3d(0.05, 0.0, 0.0);
-    hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * hand.hand.orientation;
+    bench.hand.hand.position += Vector3d(0.05, 0.0, 0.0);
+    bench.hand.hand.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitY()) * bench.hand.hand.orientation;
     bench.send();
-    EXPECT_LE((calcTurn(bench.startTool(), bench.command().tool) - Vector3d(0.0, 0.0, 0.2)).norm(), 1e-9);
-    EXPECT_EQ(moved, bench.command().tool.position - bench.startTool().position);
+    EXPECT_LE((calcTurn(bench.startTool, bench.command.tool) - Vector3d(0.0, 0.0, 0.2)).norm(), 1e-9);
+    EXPECT_EQ(moved, bench.command.tool.position - bench.startTool.position);
 }
 
 TEST(Teleoperation, AnotherScaleMovesNothing) {
     Bench bench;
-    HandMessage& hand = bench.hand();
     bench.press(1);
     bench.advance(0.1);
-    const Pose before = bench.command().tool;
-    hand.scale = 5.0;
+    const Pose before = bench.command.tool;
+    bench.hand.scale = 5.0;
     bench.send();
-    expectSamePose(bench.command().tool, before);
+    expectSamePose(bench.command.tool, before);
     bench.advance(0.02);
-    EXPECT_NEAR(bench.command().tool.position.x() - before.position.x(), 0.1, 1e-12);
+    EXPECT_NEAR(bench.command.tool.position.x() - before.position.x(), 0.1, 1e-12);
 }
 
 TEST(Teleoperation, Fault87_ReleasedItRestsWhereTheStopLeavesTheArmAndReengagingNeverJumps) {
     Bench bench;
-    HandMessage& hand = bench.hand();
     bench.press(1);
     for (int k = 0; k < 20; ++k) {
-        hand.hand.position.z() += 0.09;  // far out of reach
+        bench.hand.hand.position.z() += 0.09;  // far out of reach
         bench.send();
     }
-    JointVector q = bench.start().q, rest = q;
+    JointVector q = bench.start.q, rest = q;
     q[1] += 0.2;
     rest[1] += 0.25;
     rest[2] = kNan;  // a joint without a stop
-    bench.source().observe(q, rest);
+    bench.source.observe(q, rest);
     bench.press(0, 1);
     rest[2] = q[2];
     EXPECT_EQ(bench.state(), State::Released);
-    expectSamePose(bench.command().tool, bench.poseOf(rest));
+    expectSamePose(bench.command.tool, bench.poseOf(rest));
 
-    hand.engagement = 2;
-    hand.hand.position = {-7.0, 0.0, 2.0};  // somewhere else
-    bench.send();
-    EXPECT_EQ(bench.state(), State::Engaged);
-    expectSamePose(bench.command().tool, bench.poseOf(rest));
+    bench.hand.engagement = 2;
+    bench.hand.hand.position = {-7.0, 0.0, 2.0};  // somewhere else
+    EXPECT_EQ(bench.send(), State::Engaged);
+    expectSamePose(bench.command.tool, bench.poseOf(rest));
 }
 
 TEST(Teleoperation, Fault62_SilenceIsHeldAfter100msAndOverAfter500ms) {
     Bench bench;
     bench.press(1, 1);
     bench.advance(0.04, 1);
-    const Pose followed = bench.command().tool;
+    const Pose followed = bench.command.tool;
     bench.tick(98);
     EXPECT_EQ(bench.state(), State::Engaged);
-    expectSamePose(bench.command().tool, followed);
+    expectSamePose(bench.command.tool, followed);
     bench.tick(3);
     EXPECT_EQ(bench.state(), State::Held);
-    expectSamePose(bench.command().tool, bench.startTool());  // where the arm was seen
+    expectSamePose(bench.command.tool, bench.startTool);  // where the arm was seen
     bench.tick(200);
-    bench.advance(0.5, 1);                     // went on meanwhile
-    EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
-    expectSamePose(bench.command().tool, bench.startTool());
+    EXPECT_EQ(bench.advance(0.5, 1), State::Engaged);  // went on meanwhile; latched anew
+    expectSamePose(bench.command.tool, bench.startTool);
 
     bench.tick(498);
     EXPECT_EQ(bench.state(), State::Held);
     bench.tick(4);
     EXPECT_EQ(bench.state(), State::Refused);
     EXPECT_EQ(bench.status().refusal, Refusal::Silent);
-    bench.send();
-    EXPECT_EQ(bench.state(), State::Refused);  // the switch is still the same
+    EXPECT_EQ(bench.send(), State::Refused);  // the switch is still the same
     bench.press(0);
-    bench.press(2);
-    EXPECT_EQ(bench.state(), State::Engaged);
+    EXPECT_EQ(bench.press(2), State::Engaged);
 }
 
 TEST(Teleoperation, Fault62_OldAndRepeatedMessagesAreDropped) {
     Bench bench;
-    HandMessage& hand = bench.hand();
     bench.press(1);
     bench.advance(0.05);
-    const Pose now = bench.command().tool;
-    const HandMessage last = hand;
+    const Pose now = bench.command.tool;
+    const HandMessage last = bench.hand;
     HandMessage old = last;
     old.sent_s -= 0.01;
     old.hand.position.x() += 0.04;
-    bench.source().feed()->put(old);
+    bench.source.feed()->put(old);
     bench.tick();
-    expectSamePose(bench.command().tool, now);
+    expectSamePose(bench.command.tool, now);
     for (int k = 0; k < 30; ++k) {  // the same again and again is no sign of life
-        bench.source().feed()->put(last);
+        bench.source.feed()->put(last);
         bench.tick(20);
     }
     EXPECT_EQ(bench.state(), State::Refused);
@@ -253,34 +237,29 @@ TEST(Teleoperation, Fault87_WhatCannotBeAHandIsRefusedUntilTheSwitchIsPressedAne
     for (const Wrong& wrong : all) {
         SCOPED_TRACE(wrong.name);
         Bench bench;
-        HandMessage& hand = bench.hand();
         bench.press(1);
         bench.advance(0.05);
-        const HandMessage good = hand;
-        wrong.make(hand);
-        bench.send(1);
-        EXPECT_EQ(bench.state(), State::Refused);
+        const HandMessage good = bench.hand;
+        wrong.make(bench.hand);
+        EXPECT_EQ(bench.send(1), State::Refused);
         EXPECT_EQ(bench.status().refusal, wrong.refusal);
-        expectSamePose(bench.command().tool, bench.startTool());
-        hand = good;
+        expectSamePose(bench.command.tool, bench.startTool);
+        bench.hand = good;
         for (int k = 0; k < 5; ++k) bench.send();
         EXPECT_EQ(bench.state(), State::Refused);
-        expectSamePose(bench.command().tool, bench.startTool());
-        bench.press(0);
-        EXPECT_EQ(bench.state(), State::Released);
-        bench.press(2);
-        EXPECT_EQ(bench.state(), State::Engaged);
-        expectSamePose(bench.command().tool, bench.startTool());
+        expectSamePose(bench.command.tool, bench.startTool);
+        EXPECT_EQ(bench.press(0), State::Released);
+        EXPECT_EQ(bench.press(2), State::Engaged);
+        expectSamePose(bench.command.tool, bench.startTool);
     }
 }
 
 TEST(Teleoperation, HandsAsFastAsPeopleAreFollowedAlsoWhereMessagesAreLost) {
     for (const int ticks : {5, 20, 90}) {
         Bench bench;
-        HandMessage& hand = bench.hand();
         bench.press(1, ticks);
         for (int k = 0; k < 20; ++k) {
-            hand.hand.position.x() += 4.5 * 0.001 * ticks;
+            bench.hand.hand.position.x() += 4.5 * 0.001 * ticks;
             bench.send(ticks);
         }
         EXPECT_EQ(bench.state(), State::Engaged) << ticks;
@@ -290,51 +269,44 @@ TEST(Teleoperation, HandsAsFastAsPeopleAreFollowedAlsoWhereMessagesAreLost) {
 TEST(Teleoperation, ASwitchThatWasPressedDuringAPauseCountsForNothing) {
     for (const bool wasEngaged : {true, false}) {
         Bench bench;
-        HandMessage& hand = bench.hand();
         bench.press(wasEngaged ? 1 : 0);
         bench.pause(0.51);
-        hand.engagement = 1;
-        hand.hand.position.x() += 0.04;
+        bench.hand.engagement = 1;
+        bench.hand.hand.position.x() += 0.04;
         for (int k = 0; k < 5; ++k) bench.send();
         EXPECT_EQ(bench.state(), State::Refused) << wasEngaged;
         EXPECT_EQ(bench.status().refusal, Refusal::Paused);
-        expectSamePose(bench.command().tool, bench.startTool());
-        bench.press(2);
-        EXPECT_EQ(bench.state(), State::Engaged);
+        expectSamePose(bench.command.tool, bench.startTool);
+        EXPECT_EQ(bench.press(2), State::Engaged);
     }
 }
 
 TEST(Teleoperation, ASwitchThatWasPressedBeforeTheStartCountsForNothing) {
     Bench bench("space: tool", false);
-    HandMessage& hand = bench.hand();
-    hand.engagement = 1;
+    bench.hand.engagement = 1;
     for (int k = 0; k < 5; ++k) {
         bench.send();
-        hand.hand.position.x() += 0.02;
+        bench.hand.hand.position.x() += 0.02;
         EXPECT_EQ(bench.state(), State::Refused) << k;
     }
     EXPECT_EQ(bench.status().refusal, Refusal::Paused);
-    expectSamePose(bench.command().tool, bench.startTool());
-    bench.press(0);
-    EXPECT_EQ(bench.state(), State::Released);
-    bench.press(2);
-    EXPECT_EQ(bench.state(), State::Engaged);
+    expectSamePose(bench.command.tool, bench.startTool);
+    EXPECT_EQ(bench.press(0), State::Released);
+    EXPECT_EQ(bench.press(2), State::Engaged);
 }
 
 TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
     for (const double gap_s : {0.0, 0.2, 0.51, 60.0}) {
         SCOPED_TRACE(gap_s);
         Bench bench;
-        HandMessage& hand = bench.hand();
         bench.press(1);
-        bench.advance(0.04);
-        EXPECT_EQ(bench.state(), State::Engaged);
-        hand.engagement = 0;
-        bench.source().feed()->put(hand);
+        EXPECT_EQ(bench.advance(0.04), State::Engaged);
+        bench.hand.engagement = 0;
+        bench.source.feed()->put(bench.hand);
         bench.pause(gap_s);
         bench.tick();
         EXPECT_EQ(bench.state(), State::Released);
-        expectSamePose(bench.command().tool, bench.startTool());
+        expectSamePose(bench.command.tool, bench.startTool);
         bench.tick(600);
         EXPECT_EQ(bench.state(), State::Released);
         EXPECT_EQ(bench.status().refusal, Refusal::None);
@@ -343,29 +315,28 @@ TEST(Teleoperation, ALetGoSwitchIsNoMorePressedHoweverLateThatIsLookedAt) {
 
 TEST(Teleoperation, Fault62_AMessageOfAPressBeforeThisOneIsDropped) {
     Bench bench;
-    HandMessage& hand = bench.hand();
     bench.press(6);
-    const HandMessage old = hand;
+    const HandMessage old = bench.hand;
     bench.press(0);
     bench.press(7);
     bench.advance(0.04);
-    const Pose followed = bench.command().tool;
+    const Pose followed = bench.command.tool;
     HandMessage late = old;
-    late.sent_s = hand.sent_s + 0.001;
+    late.sent_s = bench.hand.sent_s + 0.001;
     late.hand.position.x() -= 0.04;
     for (int k = 0; k < 30; ++k) {  // neither followed nor a sign of life
-        bench.source().feed()->put(late);
+        bench.source.feed()->put(late);
         late.sent_s += 0.02;
         late.hand.position.x() -= 0.01;
         bench.tick(2);
         EXPECT_EQ(bench.status().engagement, 7u);
     }
     EXPECT_EQ(bench.state(), State::Engaged);
-    expectSamePose(bench.command().tool, followed);
+    expectSamePose(bench.command.tool, followed);
     bench.tick(100);
     EXPECT_EQ(bench.state(), State::Held);
     bench.press(0);
-    bench.source().feed()->put(late);  // nor after its release
+    bench.source.feed()->put(late);  // nor after its release
     bench.tick();
     EXPECT_EQ(bench.state(), State::Released);
 }
@@ -375,29 +346,26 @@ TEST(Teleoperation, MissedTicksAreHeldLikeSilence) {
     bench.press(1);
     bench.advance(0.04);
     bench.pause(0.2);
-    bench.advance(0.5, 1);
-    EXPECT_EQ(bench.state(), State::Held);
-    bench.send(1);
-    EXPECT_EQ(bench.state(), State::Engaged);  // latched anew
-    expectSamePose(bench.command().tool, bench.startTool());
+    EXPECT_EQ(bench.advance(0.5, 1), State::Held);
+    EXPECT_EQ(bench.send(1), State::Engaged);  // latched anew
+    expectSamePose(bench.command.tool, bench.startTool);
 }
 
 TEST(Teleoperation, SlidersMoveTheJointsFromWhereTheyAre) {
     Bench bench("space: joint");
-    EXPECT_EQ(bench.source().traits().space, MotionCommand::Space::Joint);
-    HandMessage& hand = bench.hand();
-    hand.engagement = 1;
-    hand.joints[2] = 0.4;  // latched
+    EXPECT_EQ(bench.source.traits().space, MotionCommand::Space::Joint);
+    bench.hand.engagement = 1;
+    bench.hand.joints[2] = 0.4;  // latched
     bench.send();
-    EXPECT_EQ(bench.command().q, bench.start().q);
-    hand.joints[2] += 0.1;
+    EXPECT_EQ(bench.command.q, bench.start.q);
+    bench.hand.joints[2] += 0.1;
     bench.send();
-    EXPECT_NEAR(bench.command().q[2], bench.start().q[2] + 0.1, 1e-15);
-    EXPECT_TRUE(bench.command().qd.isZero());
-    hand.joints.resize(3);
+    EXPECT_NEAR(bench.command.q[2], bench.start.q[2] + 0.1, 1e-15);
+    EXPECT_TRUE(bench.command.qd.isZero());
+    bench.hand.joints.resize(3);
     bench.send();
     EXPECT_EQ(bench.status().refusal, Refusal::NotFinite);
-    EXPECT_EQ(bench.command().q, bench.start().q);
+    EXPECT_EQ(bench.command.q, bench.start.q);
 }
 
 TEST(Teleoperation, WrongAxesAreToldWithTheirPlace) {
@@ -408,11 +376,11 @@ TEST(Teleoperation, WrongAxesAreToldWithTheirPlace) {
 TEST(Teleoperation, TicksTakeNoMemory) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     Bench bench;
-    bench.hand().engagement = 1;
+    bench.hand.engagement = 1;
     bench.send();
     const testing::AllocationCounter counter;
     for (int k = 0; k < 50; ++k) {
-        bench.hand().engagement = static_cast<std::uint64_t>(k / 10 % 2 == 0 ? k + 1 : 0);
+        bench.hand.engagement = static_cast<std::uint64_t>(k / 10 % 2 == 0 ? k + 1 : 0);
         bench.send();
     }
     EXPECT_EQ(counter.count(), 0);
@@ -425,25 +393,25 @@ TEST(Teleoperation, WhateverComesTheCommandIsFiniteAndStandsWithoutTheSwitch) {
     const double odd[] = {0.0, 1e300, -1e300, kNan, kInfinity};
     Bench bench;
     for (int k = 0; k < 20000; ++k) {
-        HandMessage& hand = bench.hand();
-        HandMessage before = hand;
+        HandMessage before = bench.hand;
         // Rises, now and then mixed up.
         if (random() % 4 == 0)
-            hand.engagement = random() % 3 == 0 ? 0 : static_cast<std::uint64_t>(k) / 4 + random() % 6;
-        hand.isTracked = random() % 40 != 0;
-        hand.hand.position += Vector3d(step(random), step(random), step(random));
+            bench.hand.engagement = random() % 3 == 0 ? 0 : static_cast<std::uint64_t>(k) / 4 + random() % 6;
+        bench.hand.isTracked = random() % 40 != 0;
+        bench.hand.hand.position += Vector3d(step(random), step(random), step(random));
         const bool isOdd = random() % 30 == 0;
-        if (isOdd) hand.hand.position[static_cast<Eigen::Index>(random() % 3)] = odd[random() % 5];
-        if (random() % 50 == 0) hand.scale = odd[random() % 5];
-        const MotionCommand last = bench.command();
+        if (isOdd) bench.hand.hand.position[static_cast<Eigen::Index>(random() % 3)] = odd[random() % 5];
+        if (random() % 50 == 0) bench.hand.scale = odd[random() % 5];
+        const MotionCommand last = bench.command;
         const State was = bench.state();
         bench.send(static_cast<int>(random() % 30) + 1);
         ASSERT_FALSE(HasFatalFailure());
-        if (hand.engagement == 0 && was == State::Released && k > 0)
-            EXPECT_EQ(bench.command().tool.position, last.tool.position) << k;
-        if (!hand.hand.position.allFinite() || hand.hand.position.norm() > 900) hand.hand = before.hand;
-        if (!hand.hand.position.allFinite()) hand.hand.position.setZero();
-        if (!(hand.scale >= 0.1 && hand.scale <= 5.0)) hand.scale = 1.0;
+        if (bench.hand.engagement == 0 && was == State::Released && k > 0)
+            EXPECT_EQ(bench.command.tool.position, last.tool.position) << k;
+        if (!bench.hand.hand.position.allFinite() || bench.hand.hand.position.norm() > 900)
+            bench.hand.hand = before.hand;
+        if (!bench.hand.hand.position.allFinite()) bench.hand.hand.position.setZero();
+        if (!(bench.hand.scale >= 0.1 && bench.hand.scale <= 5.0)) bench.hand.scale = 1.0;
     }
 }
 

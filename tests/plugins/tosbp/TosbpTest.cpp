@@ -258,7 +258,7 @@ TEST(Tosbp, Fault29HugeTinyAndAlternatingTorquesKeepTheLimits) {
 }
 
 TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
-    for (const char* robot : {"single_joint", "indy7"}) {
+    for (const char* robot : {"single_joint", "indy7"})
         for (const double jump : {2.0 * kPi, 1e6}) {
             Bench bench(robot);
             JumpingSetPoint setPoint(bench.arm, jump);
@@ -267,7 +267,6 @@ TEST(Tosbp, Fault30SetPointJumpsThroughJointPdKeepTheLimits) {
             expectHeld(outcome, bench.arm.limits, bench.arm.tick_s);
             EXPECT_GT(outcome.modified, 1000);
         }
-    }
 }
 
 TEST(Tosbp, ResetGivesTheSameAnswersAgain) {

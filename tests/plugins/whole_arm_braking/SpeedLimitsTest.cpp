@@ -197,9 +197,7 @@ TEST(SpeedLimits, AStartThatIsTooFastIsRefusedOrSlowedDown) {
     double first = slowed.use(), most = first;
     for (int tick = 0; tick < 3000; ++tick) {
         slowed.goTo(goal, 100.0);
-        if (tick > 1000) {
-            EXPECT_LE(slowed.use(), 1.0 + 1e-9) << tick;
-        }
+        if (tick > 1000) EXPECT_LE(slowed.use(), 1.0 + 1e-9) << tick;
         most = std::max(most, slowed.use());
     }
     EXPECT_GT(first, 5.0);

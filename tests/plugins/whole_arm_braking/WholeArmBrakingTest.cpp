@@ -113,9 +113,7 @@ TEST(WholeArmBraking, MovingAwayIsPossibleAtOnce) {
         for (; !(free.p < at - 1e-6); ++least) free = advance(free, fullJerk, kTick_s);
         for (; !(arm.state.q[0] < at - 1e-6) && delay < 200; ++delay) {
             arm.goTo(arm.robot.home);
-            if (delay == 0) {
-                EXPECT_EQ(arm.decision.value[0], fullJerk);
-            }
+            if (delay == 0) EXPECT_EQ(arm.decision.value[0], fullJerk);
         }
         std::printf("  k_alpha %g: %.1f mm from the plate, away by a microradian after %d ticks; at full jerk %d\n",
                     kAlpha, 1e3 * touching, delay, least);
@@ -358,9 +356,7 @@ TEST(Fault60, AnObstacleThatAppearsInsideTheArmBrakesItAndLetsItOut) {
                     status == FilterStatus::Passed)
             << tick;
         const LimitReport& clearance = arm.decision.reports[LimitKind::Clearance];
-        if (clearance.margin < 0.0) {
-            EXPECT_EQ(clearance.other, 0) << tick;
-        }
+        if (clearance.margin < 0.0) EXPECT_EQ(clearance.other, 0) << tick;
         reported = std::min(reported, clearance.margin);
         deepest = std::min(deepest, arm.findDistance());
     }

@@ -3,7 +3,6 @@
 #include "records/WorkShare.h"
 
 #include <cmath>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -393,8 +392,7 @@ TEST(Identification, ReadingsThatAreMissingDoNoHarm) {
 
 // -------------------------------------------------------------------------------- actuation.yaml
 
-class ActuationFileTest : public ::testing::Test {
-protected:
+struct ActuationFileTest : ::testing::Test {
     ActuationFileTest() {
         makeSimpleArm(folder_);
         folder_.actuation =
@@ -473,10 +471,9 @@ TEST_F(ActuationFileTest, TakesAnyLayout) {
         EXPECT_EQ(layout.find("# about gears") == std::string::npos,
                   text_.find("\n\n# about gears\n") == std::string::npos)
             << text_;
-        if (layout == windows) {
+        if (layout == windows)
             for (std::size_t at = 0; (at = text_.find('\n', at)) != std::string::npos; ++at)
                 EXPECT_EQ(text_[at - 1], '\r');
-        }
     }
 }
 

@@ -2,8 +2,6 @@
 
 #include <zlib.h>
 
-#include <functional>
-
 #include "LogTestSupport.h"
 #include "records/LogExport.h"
 
@@ -12,8 +10,7 @@ namespace {
 
 constexpr double kDegree = kPi / 180.0;
 
-class MotionRecordTest : public LogTestBase {
-protected:
+struct MotionRecordTest : LogTestBase {
     MotionRecord read(const std::string& bytes, const MotionRecordOptions& options = {}) const {
         writeBytes(path("record"), bytes);
         return readMotionRecord(path("record"), options);
@@ -120,10 +117,9 @@ TEST_F(CsvMotionRecordTest, EverySeparatorAndDialectGivesTheSameRecord) {
     const auto make = [&](const std::string& header, const std::string& separator, const std::string& end,
                           const std::string& missing) {
         std::string text = header + end;
-        for (int k = 0; k <= 20; ++k) {
+        for (int k = 0; k <= 20; ++k)
             text += std::to_string(k) + separator + (k == 3 ? missing : std::to_string(k) + ".5") + separator +
                     std::to_string(-2 * k) + "e-3" + (k == 20 ? "" : end);
-        }
         return text;
     };
     const std::vector<std::string> files{

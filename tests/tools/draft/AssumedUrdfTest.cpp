@@ -1,10 +1,6 @@
-#include <cstdlib>
 #include <ctime>
-#include <fstream>
 #include <random>
 
-#include "Complaint.h"
-#include "ExpectContains.h"
 #include "Paths.h"
 #include "RobotFolder.h"
 #include "core/Text.h"
@@ -455,13 +451,12 @@ TEST(AssumedUrdf, Fault01_HostileFilesAreRefusedAtOnce) {
             EXPECT_LT(taken, kPatience_s) << path;
         }
     // A mesh that is none, too large, or elsewhere, is lost; the link's mass is assumed all the same.
-    for (const std::string name : {"huge.stl", "../../../../../../etc/passwd", "file:///dev/zero", "poor.urdf"}) {
+    for (const std::string name : {"huge.stl", "../../../../../../etc/passwd", "file:///dev/zero", "poor.urdf"})
         EXPECT_EQ(file.assume(writeLink("base") + writeJoint("j", "base", "l") +
                               writeLink("l", writeShape("<mesh filename='" + name + "'/>")))
                       .links.at(1)
                       .lostMeshes,
                   std::vector<std::string>{name});
-    }
 }
 
 }  // namespace

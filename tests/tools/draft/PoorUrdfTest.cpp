@@ -1,6 +1,5 @@
 #include <chrono>
 
-#include "ExpectContains.h"
 #include "RobotFolder.h"
 #include "core/Text.h"
 #include "draft/RobotDraft.h"
@@ -28,8 +27,7 @@ std::string writeJoint(const std::string& name, const std::string& parent, const
 }
 
 /** An arm of two joints, and what a test adds to it. Line 1 is the robot, 2 the base, then joints and links in turn. */
-class PoorUrdf : public ::testing::Test {
-protected:
+struct PoorUrdf : ::testing::Test {
     std::string arm_ = "<robot name='poor'>\n" + writeLink("base", "") + writeJoint("j1", "base", "l1") +
                        writeLink("l1") + writeJoint("j2", "l1", "l2") + writeLink("l2");
     DraftOptions options_;

@@ -10,8 +10,7 @@ namespace viable {
 namespace {
 
 /** One link on one joint; each test spoils one figure. */
-class RobotDraftTest : public ::testing::Test {
-protected:
+struct RobotDraftTest : ::testing::Test {
     std::string joint_ = "type='revolute'";
     std::string limit_ = "lower='-1' upper='2' velocity='3' effort='40'";
     std::string com_ = "0.2 0 0";
@@ -170,8 +169,7 @@ double calcVolume(const DraftCapsule& c) {
 }
 
 /** The arm of RobotDraftTest with a collision element, at a slanted place, in front of its visual one. */
-class CapsuleTest : public RobotDraftTest {
-protected:
+struct CapsuleTest : RobotDraftTest {
     std::string collision_ = "<box size='0.3 0.2 0.1'/>";
 
     DraftCapsule draft() {

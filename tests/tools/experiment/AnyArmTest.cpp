@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 
 namespace viable::test {
 namespace {
@@ -92,9 +91,8 @@ TEST(AnyArm, AWrappedReadingTakesTheLoopFromNoOtherJoint) {
                                            "real_plant.sensor_fault_joint=1", "real_plant.sensor_fault_from_s=1"};
     const CaseResult r = runPanda(wrap);
     EXPECT_EQ(r.stopReason, StopReason::SensorFailed) << r.stopMessage;
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < 6; ++i)
         if (i != 1) EXPECT_LT(r.summary.trackingMax(i), 2e-3) << i;
-    }
 }
 
 TEST(AnyArm, NoisyEncodersAreNoOscillation) {

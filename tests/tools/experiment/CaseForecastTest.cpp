@@ -3,7 +3,6 @@
 #include "experiment/CaseForecast.h"
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "config/Draws.h"
 
 namespace viable::test {

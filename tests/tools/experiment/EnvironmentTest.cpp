@@ -1,7 +1,6 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "records/LogReader.h"
 #include "sweep/SweepRow.h"
 
@@ -363,12 +362,11 @@ TEST(StopRest, IsWhereTheArmComesToRest) {
     for (const char* filter : {"certified_braking", "pass_through"}) {
         SCOPED_TRACE(filter);
         TestLoop t(kOneJoint, {std::string("filter={plugin: ") + filter + "}"});
-        TickRecord record;
-        for (int k = 0; k < 300; ++k) t.loop.tick(record);
-        const double rest = record.stops[0].rest;
+        t.tick(300);
+        const double rest = t.record.stops[0].rest;
         EXPECT_GT(std::abs(rest - t.loop.nominal().q[0]), 1e-3);  // it moves
         t.loop.requestStop(StopReason::Requested, "test");
-        runUntilStopped(t.loop, record, 5000, [&](const TickRecord& r) { ASSERT_NEAR(r.stops[0].rest, rest, 1e-9); });
+        runUntilStopped(t.loop, t.record, 5000, [&](const TickRecord& r) { ASSERT_NEAR(r.stops[0].rest, rest, 1e-9); });
         EXPECT_NEAR(t.loop.nominal().q[0], rest, 1e-9);
     }
 }

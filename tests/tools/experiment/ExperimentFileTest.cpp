@@ -1,4 +1,3 @@
-#include "ExpectContains.h"
 
 #include <sstream>
 

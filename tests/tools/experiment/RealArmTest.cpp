@@ -1,7 +1,6 @@
 #include <nlohmann/json.hpp>
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "records/LogReader.h"
 #include "viable/testing/AllocationCounter.h"
 

@@ -2,7 +2,6 @@
 // cause that is true.
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 
 namespace viable::test {
 namespace {
@@ -222,11 +221,10 @@ TEST(Fault16, LighterAndHeavierArmsWithShiftedCentresOfMassFollowOrTrip) {
             for (int i = 0; i < run.experiment.cases[0].robot.size(); ++i)
                 worst = std::max(worst, run.result->summary.trackingRms(i));
             EXPECT_TRUE(isTold || worst < 0.02) << worst;
-            if (run.isTripped()) {
+            if (run.isTripped())
                 EXPECT_TRUE(run.result->stopMessage.find("oscillates") != std::string::npos ||
                             run.result->stopMessage.find("does not follow") != std::string::npos)
                     << run.result->stopMessage;
-            }
         }
     }
 }

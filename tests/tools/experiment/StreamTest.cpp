@@ -1,5 +1,4 @@
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 
 // stream: the command comes over a line.
 

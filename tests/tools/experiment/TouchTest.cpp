@@ -1,15 +1,9 @@
 // A hand leads the tool into a surface, along it and away: the tool presses with the force that is asked for, and the nominal arm
 // waits for it.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdio>
-#include <random>
 
 #include "CaseSupport.h"
 #include "Effort.h"
 #include "core/Text.h"
-#include "viable/robot/RobotModel.h"
 #include "viable/testing/AllocationCounter.h"
 
 namespace viable {

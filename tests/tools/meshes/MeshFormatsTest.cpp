@@ -1,6 +1,5 @@
 #include <cmath>
 #include <cstring>
-#include <functional>
 #include <sstream>
 
 #include "RobotFolder.h"

@@ -39,8 +39,7 @@ const Certificate& certificate() {
 }
 
 /** A server with a hand, and clients of it. */
-class PageServerTest : public ::testing::Test {
-protected:
+struct PageServerTest : ::testing::Test {
     PageServerTest()
         : feed_(std::make_shared<TeleoperationFeed>()), server_(makeOptions(), feed_, [this](PageWish wish) {
               if (throws_) throw std::runtime_error("of the program");

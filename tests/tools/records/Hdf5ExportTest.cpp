@@ -9,8 +9,7 @@ namespace {
 
 using Space = MotionCommand::Space;
 
-class Hdf5ExportTest : public LogTestBase {
-protected:
+struct Hdf5ExportTest : LogTestBase {
     /** run.h5 of a log run.mcap. */
     std::filesystem::path exportRun(const LogOpening& opening, const std::vector<TickRecord>& records) const {
         writeBytes(path("run.mcap"), makeLog(opening, records).bytes);
@@ -52,9 +51,7 @@ public:
         EXPECT_EQ(H5Tget_size(stored), sizeof(T)) << path;
         EXPECT_EQ(H5Sget_simple_extent_ndims(space), 1) << path;
         std::vector<T> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
-        if (!values.empty()) {
-            EXPECT_GE(H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), 0) << path;
-        }
+        if (!values.empty()) EXPECT_GE(H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), 0) << path;
         H5Tclose(stored);
         H5Sclose(space);
         H5Dclose(set);
@@ -265,9 +262,7 @@ TEST_F(Hdf5ExportTest, EveryColumnHasItsPathAndUnit) {
         EXPECT_EQ(file.hasAttribute(name, "words"), unit.empty()) << name;
         EXPECT_EQ(file.hasAttribute(name, "units"), !unit.empty()) << name;
         EXPECT_NE(file.readText(name, "meaning"), "") << name;
-        if (!unit.empty()) {
-            EXPECT_EQ(file.readText(name, "units"), unit) << name;
-        }
+        if (!unit.empty()) EXPECT_EQ(file.readText(name, "units"), unit) << name;
     }
     EXPECT_EQ(file.listDatasets(), paths);
 }

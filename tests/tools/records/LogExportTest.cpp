@@ -86,9 +86,8 @@ TEST_F(LogExportTest, ToolRunHasToolCommandAndNoRealArm) {
                             "command.tool.qy,command.tool.qz,command.tool.qw,command.tool.vx_mps,"
                             "command.tool.vy_mps,command.tool.vz_mps,command.tool.wx_radps,"
                             "command.tool.wy_radps,command.tool.wz_radps,tick.status"});
-    for (const char* absent : {"command.joint0", "real.", "actual.", "robust.", "motor."}) {
+    for (const char* absent : {"command.joint0", "real.", "actual.", "robust.", "motor."})
         EXPECT_EQ(header.find(absent), std::string::npos) << absent;
-    }
 }
 
 TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
@@ -137,9 +136,8 @@ TEST_F(LogExportTest, EveryNumberReadsBackBitEqual) {
                 expectNumber(at("filter." + joint + ".tau_removed_Nm"), r.removedTorque[e]);
                 expectNumber(at("limits." + joint + ".acceleration_lower_radps2"), r.limits.acceleration.lower[e]);
                 expectNumber(at("limits." + joint + ".jerk_upper_radps3"), r.limits.jerk.upper[e]);
-                if (r.stops[j].margin == std::numeric_limits<double>::infinity()) {
+                if (r.stops[j].margin == std::numeric_limits<double>::infinity())
                     EXPECT_EQ(at("filter." + joint + ".margin_rad"), "inf");
-                }
                 EXPECT_EQ(at("filter." + joint + ".active"), getName(r.joints[j].limit, r.joints[j].side));
                 if (space == Space::Joint) {
                     expectNumber(at("command." + joint + ".q_rad"), r.command.q[e]);

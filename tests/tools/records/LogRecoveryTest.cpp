@@ -11,8 +11,7 @@ namespace {
 
 using Space = MotionCommand::Space;
 
-class LogRecoveryTest : public LogTestBase {
-protected:
+struct LogRecoveryTest : LogTestBase {
     /** Recovers `bytes`, which must stay as they are, and returns the new log's bytes. */
     std::string recover(const std::string& bytes, std::uint64_t expectedRows) {
         writeBytes(path("cut.mcap"), bytes);

@@ -1,7 +1,6 @@
 #include "report/RunReport.h"
 
 #include "CaseSupport.h"
-#include "ExpectContains.h"
 #include "ReportSupport.h"
 #include "records/LogExport.h"
 #include "records/LogReader.h"

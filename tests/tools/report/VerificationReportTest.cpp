@@ -1,7 +1,6 @@
 #include <cmath>
 
 #include "ReportSupport.h"
-#include "TemporaryFolder.h"
 #include "log/LogWriter.h"
 #include "report/RunReport.h"
 

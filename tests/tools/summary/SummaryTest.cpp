@@ -1,8 +1,6 @@
-#include "ExpectContains.h"
 #include "summary/SummaryFigures.h"
 
 #include "CaseSupport.h"
-#include "Paths.h"
 #include "tracking/ToolReference.h"
 
 namespace viable::test {
