@@ -309,7 +309,7 @@ TEST_F(Sweep, ABrokenGuaranteeOnTheRealArmIsNotOk) {
         EXPECT_EQ(status == "ok", code == "0") << status << " with " << code;
         if (status != "guarantee_broken") return;
         EXPECT_EQ(code, "3");
-        EXPECT_EQ(get(store, row, "message").find("the real arm passed its limits: velocity by "), 0u);
+        EXPECT_EQ(get(store, row, "message").find("the real arm exceeded its limits: velocity by "), 0u);
         EXPECT_NE(get(store, row, "message").find(" rad/s (joint"), std::string::npos);
         EXPECT_NE(o.out.find(get(store, row, "replay")), std::string::npos) << o.out;
     });

@@ -1,3 +1,4 @@
+#include <sched.h>
 
 #include <cmath>
 #include <cstdio>
@@ -5,6 +6,7 @@
 #include <random>
 
 #include "Program.h"
+#include "analysis/smoothing/Smoothing.h"
 
 // `viable verify` and `viable identify` from outside: exit codes, words, files, and what they say against what a
 // simulation knows.
@@ -65,13 +67,21 @@ std::string writeWave(int joints, int samples) {
 }
 
 // What the smoothing of one joint takes is given back before the next one: some 900 bytes per sample, where six at once
-// take ten times as many.
-TEST(VerifyMemory, OneJointIsJudgedAfterTheOther) {
+// take ten times as many. On one core, and of a long record, one joint is judged after the other.
+TEST(VerifyMemory, OneJointPerCoreIsJudgedAtATime) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     GTEST_SKIP() << "a sanitizer keeps memory that was given back";
 #endif
     constexpr int kSamples = 50000;
     constexpr double kMost_B = 1200.0;  // per sample
+    EXPECT_EQ(countSmoothedAtOnce(1'000'001), 1u);
+    EXPECT_GE(countSmoothedAtOnce(kSamples), 6u);
+    cpu_set_t all, one_core;
+    ASSERT_EQ(sched_getaffinity(0, sizeof all, &all), 0);
+    CPU_ZERO(&one_core);
+    for (int core = 0; CPU_COUNT(&one_core) == 0; ++core)
+        if (CPU_ISSET(core, &all)) CPU_SET(core, &one_core);
+    ASSERT_EQ(sched_setaffinity(0, sizeof one_core, &one_core), 0);
     TemporaryFolder folder;
     const auto measure = [&](int joints, int samples) {
         const std::string name = std::to_string(joints) + "x" + std::to_string(samples) + ".csv";
@@ -83,6 +93,7 @@ TEST(VerifyMemory, OneJointIsJudgedAfterTheOther) {
         return 1024.0 * static_cast<double>(used.ru_maxrss);
     };
     const double bare = measure(1, 1000), one = measure(1, kSamples), six = measure(6, kSamples);
+    sched_setaffinity(0, sizeof all, &all);
     std::printf("%.0f B per sample of one joint, %.0f of six\n", (one - bare) / kSamples, (six - bare) / kSamples);
     EXPECT_GT(one, bare);
     EXPECT_LT(six - bare, kMost_B * kSamples);

@@ -74,7 +74,7 @@ std::vector<std::string> findProblems(const CaseResult& result);
 /** What became of the limits and of the job, in one line. */
 std::string formatVerdict(const CaseResult& result);
 
-/** "the real arm passed its limits: position by 0.1 rad (joint2)", "the nominal arm collided: ...": the broken guarantees
+/** "the real arm exceeded its limits: position by 0.1 rad (joint2)", "the nominal arm collided: ...": the broken guarantees
 that show after a run only; empty: none. */
 std::string formatBreach(const CaseResult& result);
 

@@ -318,7 +318,7 @@ std::string formatTrip(const Summary& s) {
                               trip.time_s, s.jointName(trip.joint).c_str(), trip.error, unit, trip.bound, unit);
     const std::string passed = formatRealExcesses(s, &Summary::realStop);
     text += passed.empty() ? "the real arm stayed inside its position and velocity limits"
-                           : "after it the real arm passed its limits: " + passed;
+                           : "after it the real arm exceeded its limits: " + passed;
     text += s.realEndSpeed() <= kRealRest ? ", and has come to rest"
                                           : format("; at the end it still moved, at %.3g %s", s.realEndSpeed(),
                                                    choose(findSliding(s), "rad/s", "rad/s or m/s", "m/s"));
@@ -814,7 +814,7 @@ std::string formatVerdict(const CaseResult& r) {
 std::string formatBreach(const CaseResult& r) {
     std::string text;
     if (r.isRealGuaranteeBroken())
-        text = "the real arm passed its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
+        text = "the real arm exceeded its limits: " + formatRealExcesses(r.summary, &Summary::realLimit);
     for (const LimitAccount& account : r.summary.accounts()) {
         if (!r.brokenGuarantees().has(account.kind)) continue;
         const LimitRow& row = getLimitRow(account.kind);

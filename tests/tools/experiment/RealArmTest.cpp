@@ -232,7 +232,7 @@ TEST(RealGuarantee, APassedLimitOfTheRealArmWithoutATripEndsTheRunWith3) {
         const std::string verdict = formatVerdict(result);
         if (breaks)
             expectContains(verdict, {"guarantee on the real arm broken; all limits kept (nominal arm",
-                                     "; the real arm passed its limits: position by 0."});
+                                     "; the real arm exceeded its limits: position by 0."});
         else
             expectContains(verdict, {"; the real arm kept its position and velocity limits (guaranteed"});
         expectContains(verdict, {"of its acceleration and jerk nothing is)"});
