@@ -39,10 +39,48 @@ constexpr double kLeastReached = 0.5;
 
 /** A robot and how far it gets. */
 struct ReachingRobot : Robot {
-    explicit ReachingRobot(const char* name)
-        : Robot(name), reach(calcReach(description, geometry, description.limits)) {}
+    template <class... Parts>
+    explicit ReachingRobot(const Parts&... parts)
+        : Robot(parts...), reach(calcReach(description, geometry, description.limits)) {}
     Eigen::AlignedBox3d reach;
 };
+
+/** A Panda of other lengths and limits, often with one more joint at its base. */
+ReachingRobot drawRobot(const Robot& panda, Random& random) {
+    RobotDescription d = panda.description;
+    ArmGeometry geometry = panda.geometry;
+    d.name = "random";
+    std::vector<double> scale(d.joints.size() + 1);
+    for (double& x : scale) x = random.uniform(0.7, 1.4);
+    for (std::size_t i = 0; i < d.joints.size(); ++i) d.joints[i].placement.translation() *= scale[i];
+    for (LinkCapsule& capsule : geometry.capsules) {
+        capsule.a *= scale[static_cast<std::size_t>(capsule.carrier + 1)];
+        capsule.b *= scale[static_cast<std::size_t>(capsule.carrier + 1)];
+    }
+    JointLimits& l = d.limits;
+    if (random.chance(0.7)) {
+        JointDescription first = d.joints.front();
+        first.name = "first";
+        first.axis = random.direction();
+        for (JointDescription& joint : d.joints) ++joint.parent;
+        d.joints.insert(d.joints.begin(), first);
+        ++d.toolParent;
+        for (LinkCapsule& capsule : geometry.capsules) capsule.carrier += capsule.carrier >= 0;
+        Actuation& motors = d.actuation;
+        JointFriction& friction = motors.friction;
+        for (JointVector* v : {&l.position.lower, &l.position.upper, &l.velocity.lower, &l.velocity.upper,
+                               &l.acceleration.lower, &l.acceleration.upper, &l.jerk.lower, &l.jerk.upper, &d.home,
+                               &motors.gearRatio, &motors.rotorInertia, &motors.torqueLimit, &motors.encoderCounts,
+                               &friction.coulomb, &friction.viscous, &friction.viscousVelocity})
+            if (v->size() > 0) *v = (JointVector(v->size() + 1) << (*v)[0], *v).finished();
+    }
+    for (int i = 0; i < d.size(); ++i) {
+        const double x = random.logUniform(0.3, 1.0);
+        for (JointBounds* bounds : {&l.velocity, &l.acceleration, &l.jerk})
+            bounds->lower[i] *= x, bounds->upper[i] *= x;
+    }
+    return ReachingRobot(d, geometry);
+}
 
 /** A map of three walls and clutter of 4 cm cells, in a file as long as this lives. */
 class MapFile {
@@ -189,13 +227,17 @@ Environment drawScene(Random& random, Scene scene, ReachingRobot& robot, const s
     return environment;
 }
 
-/** An arm that is asked to go from pose to pose in a scene, and how long it rests. */
+/** How an arm is led: by a spring, from pose to pose; to one target of its joints; to one of its tool, as a hand of up to so far
+[m, rad], which an obstacle may bar. */
+enum class Law { Spring, Joints, Tool };
+constexpr double kHand_m = 0.4, kHand_rad = 1.0;
+
+/** An arm that is asked to go elsewhere in a scene, and how long it rests. */
 class FreezingCase {
 public:
-    /** @param serves  one target, by a servo; else one after the other, by a spring */
     FreezingCase(ReachingRobot& robot, Random& random, Scene scene, const std::filesystem::path& map,
-                 bool serves = false)
-        : serves_(serves), robot_(robot), random_(random), environment_(drawScene(random, scene, robot, map)) {
+                 Law law = Law::Spring)
+        : law_(law), robot_(robot), random_(random), environment_(drawScene(random, scene, robot, map)) {
         options_.torqueShare = random.chance(0.5) ? 1.0 : kInfinity;
         start_ = {robot.description.home, JointVector::Zero(n()), JointVector::Zero(n())};
         if (random.chance(0.7)) start_.q = drawPose(random, robot.description, random.uniform(0.1, 1.0));
@@ -219,39 +261,53 @@ public:
         }
         checker_ = std::make_unique<CollisionChecker>(d, robot_.geometry, environment_);
         state_ = start_;
-        if (serves_) {
-            servo_.emplace();
-            servo_->configure(d, d.limits, kTick_s, start_, 1.0, &robot_.geometry);
-        }
+        goal_ = start_.q;
+        if (law_ == Law::Joints) servo_.emplace().configure(d, d.limits, kTick_s, start_, 1.0, &robot_.geometry);
+        if (law_ != Law::Tool) return true;
+        ToolFollowerOptions options;
+        options.reference.rotationLength_m = ToolFreedom(d, d.limits).calcRotationLength(dynamics_.J);
+        tool_.emplace().configure(d, d.limits, kTick_s, start_, options, &robot_.geometry);
+        hand_ = dynamics_.tool;
+        hand_.position += random_.uniform(0.0, kHand_m) * random_.direction();
+        hand_.orientation = Eigen::AngleAxisd(random_.uniform(0.0, kHand_rad), random_.direction()) * hand_.orientation;
         return true;
     }
 
     /** One tick; the distance that is missing [m]. */
     double step(int tick) {
         const double t = tick * kTick_s;
-        if (ticksLeft_-- <= 0) {
+        if (!tool_ && ticksLeft_-- <= 0) {
             goal_ = drawPose(random_, robot_.description, 1.0);
             for (int i = 0; alone_ >= 0 && i < n(); ++i)
                 if (i != alone_) goal_[i] = start_.q[i];
-            ticksLeft_ = serves_ ? kTicks : static_cast<int>(random_.uniform(4.0, 20.0) / kTick_s);
+            ticksLeft_ = servo_ ? kTicks : static_cast<int>(random_.uniform(4.0, 20.0) / kTick_s);
         }
         robot_.model.calcDynamics(state_.q, state_.qd, dynamics_);
-        if (servo_) {
-            servo_->calc(state_, {goal_, still_, still_}, feed_->view().surroundings, t, jerk_);
+        if (servo_ || tool_) {
+            const Surroundings* const surroundings = feed_->view().surroundings;
+            if (servo_)
+                servo_->calc(state_, {goal_, still_, still_}, surroundings, t, jerk_);
+            else
+                tool_->calc(state_, hand_, surroundings, t, jerk_);
             torque_ = dynamics_.M * state_.qdd + dynamics_.b;
         } else {
             torque_ =
                 dynamics_.M * (stiffness_ * (goal_ - state_.q) - 2.0 * std::sqrt(stiffness_) * state_.qd) + dynamics_.b;
         }
-        filter_.filter({state_, torque_, dynamics_, servo_ ? &jerk_ : nullptr}, decision_);
+        filter_.filter({state_, torque_, dynamics_, law_ == Law::Spring ? nullptr : &jerk_}, decision_);
+        const JointVector before = state_.q;
         advanceNominal(decision_, kTick_s, state_);
-        countRest(t);
-        if ((goal_ - state_.q).cwiseAbs().maxCoeff() > kArrived_rad) arrival_s = t + kTick_s;
+        if (!tool_) countRest(t);
+        const bool isThere = tool_ ? (dynamics_.tool.position - hand_.position).norm() <= kArrived_rad
+                                   : (goal_ - state_.q).cwiseAbs().maxCoeff() <= kArrived_rad;
+        if (!isThere) arrival_s = t + kTick_s;
         if (t < kStands_s - kRested_s) {
-            least_ = most_ = state_.q;
+            least_ = most_ = rested_ = state_.q;
+            path_.setZero(n());
         } else {
             least_ = least_.cwiseMin(state_.q);
             most_ = most_.cwiseMax(state_.q);
+            path_ += (state_.q - before).cwiseAbs();
         }
         if (tick % kTicksPerJudged != 0) return 0.0;
         const double missing =
@@ -263,12 +319,14 @@ public:
     std::int64_t restTicks = 0, frozenTicks = 0, longestFrozen = 0;
     double arrival_s = 0.0;  ///< the last time at which it was away from the target
 
-    /** How far a joint moves in the rest of a target's time, in counts of its encoder. */
+    /** How far a joint moves in the rest of a target's time, in counts of its encoder; of an arm led by its tool, whose spare
+    joints go on to their rest, to and fro. */
     double countMoved() const {
         double moved = 0.0;
         for (int i = 0; i < n(); ++i) {
             const double count = robot_.description.encoderStep(i);
-            moved = std::max(moved, (most_[i] - least_[i]) / (count > 0.0 ? count : kCount_rad));
+            const double way = tool_ ? path_[i] - std::abs(state_.q[i] - rested_[i]) : most_[i] - least_[i];
+            moved = std::max(moved, way / (count > 0.0 ? count : kCount_rad));
         }
         return moved;
     }
@@ -364,7 +422,7 @@ private:
         isFrozen_ = false;
     }
 
-    const bool serves_;
+    const Law law_;
     ReachingRobot& robot_;
     Random& random_;
     Environment environment_;
@@ -375,7 +433,9 @@ private:
     std::optional<RunSetup> setup_;
     WholeArmBrakingFilter filter_;
     std::optional<JointFollower> servo_;
-    JointVector still_, jerk_, least_, most_;
+    std::optional<ToolFollower> tool_;
+    Pose hand_;
+    JointVector still_, jerk_, least_, most_, rested_, path_;
     MotionState start_, state_;
     Dynamics dynamics_;
     FilterDecision decision_;
@@ -437,20 +497,24 @@ bool checkFreezing(const Options& options) {
     return run.isGood() && frozenRuns <= most && ticks - frozen >= kLeastMoving * static_cast<double>(ticks);
 }
 
-bool checkSwinging(const Options& options) {
+namespace {
+
+bool checkRests(const Options& options, const char* property, Law law) {
     ReachingRobot robots[] = {ReachingRobot("indy7"), ReachingRobot("panda"), ReachingRobot("ur5e")};
     const MapFile map;
-    Run run("swinging", options);
+    Run run(property, options);
     std::int64_t runs = 0, swings = 0, frozen = 0, arrived = 0;
     Figures arrivals;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());
-        ReachingRobot& robot = robots[random.integer(0, 2)];
+        const int which = random.integer(0, law == Law::Tool ? 3 : 2);
+        std::optional<ReachingRobot> drawn;
+        ReachingRobot& robot = which < 3 ? robots[which] : drawn.emplace(drawRobot(robots[1], random));
         Scene scene;
         do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
         while (scene == Scene::Balls);  // those move
         std::unique_ptr<FreezingCase> arm;
-        do arm = std::make_unique<FreezingCase>(robot, random, scene, map.path, true);
+        do arm = std::make_unique<FreezingCase>(robot, random, scene, map.path, law);
         while (!arm->begin());
         for (int tick = 0; tick * kTick_s < kStands_s; ++tick) {
             const double missing = arm->step(tick);
@@ -486,6 +550,16 @@ bool checkSwinging(const Options& options) {
                     static_cast<long long>(runs / kRunsPerFrozen));
     run.expectShare("reached", arrived, runs, kLeastReached);
     return run.isGood() && swings <= most && frozen <= runs / kRunsPerFrozen;
+}
+
+}  // namespace
+
+bool checkSwinging(const Options& options) {
+    return checkRests(options, "swinging", Law::Joints);
+}
+
+bool checkTrembling(const Options& options) {
+    return checkRests(options, "trembling", Law::Tool);
 }
 
 }  // namespace viable

@@ -1,6 +1,6 @@
 // Property tests of certified braking: random limits, random arms, adversarial input, millions of joint steps.
 //
-//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|freezing|swinging|speeds|people|people_runs|references|any_arm|
+//     viable_properties limits|recovery|changing_limits|stops|monitor|obstacles|freezing|swinging|trembling|speeds|people|people_runs|references|any_arm|
 //                       dynamics|tracking|tracking_poses|bound|link [--steps N] [--seed S] [--arm K]
 //
 // --steps counts joint steps (joints times ticks), 20,000,000 by default; the long mode is --steps 1e9. For `stops` it
@@ -60,6 +60,7 @@ int main(int argc, char** argv) {
                                                                            {"obstacles", checkObstacles},
                                                                            {"freezing", checkFreezing},
                                                                            {"swinging", checkSwinging},
+                                                                           {"trembling", checkTrembling},
                                                                            {"speeds", checkSpeeds},
                                                                            {"people", checkPeople},
                                                                            {"people_runs", checkPeopleRuns},

@@ -34,6 +34,10 @@ bool checkFreezing(const Options& options);
 (a joint by more than a count of its encoder in a second). */
 bool checkSwinging(const Options& options);
 
+/** The same behind ToolFollower, also on random arms of 7 and 8 joints, whose spare joints lead them apart: no more go to and fro.
+*/
+bool checkTrembling(const Options& options);
+
 /** Whole arms with random speed limits of their points, of joints and regions, under hostile torques and with missed ticks: no
 point is ever too fast, nor along the stops, and the arm runs at the limit. */
 bool checkSpeeds(const Options& options);

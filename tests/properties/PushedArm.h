@@ -13,6 +13,7 @@ namespace viable {
 /** A robot of the project, its model and capsules, read once. */
 struct Robot {
     explicit Robot(const char* name);
+    Robot(const RobotDescription& d, const ArmGeometry& g) : description(d), geometry(g), model(d) {}
     RobotDescription description;
     ArmGeometry geometry;
     RobotModel model;

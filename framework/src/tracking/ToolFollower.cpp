@@ -20,6 +20,13 @@ double calcWay(double v, double a, const AxisLimits& limits) {
     return std::isfinite(v) ? calcStationaryStop(v, a, limits).displacement : v;
 }
 
+/** About how long a joint takes for this way, from rest to rest [s]. */
+double calcTime(double way, const AxisLimits& l) {
+    const double v = way > 0.0 ? l.velocityUpper : -l.velocityLower, size = std::abs(way);
+    const double a = std::min(l.accelerationUpper, -l.accelerationLower), j = std::min(l.jerkUpper, -l.jerkLower);
+    return std::max({size / v, 2.0 * std::sqrt(size / a), std::cbrt(32.0 * size / j)});
+}
+
 }  // namespace
 
 void ToolFollower::configure(const RobotDescription& robot, const JointLimits& limits, double tick_s,
@@ -47,6 +54,13 @@ void ToolFollower::updateLimits(const JointLimits& limits) {
         for (double* v : {&lead_.lower[i], &lead_.upper[i]}) *v = calcWay(*v, 0.0, axis) + kLeadTicks * tick_s_ * *v;
     }
     const double longest_s = calcLongestStop(limits);
+    together_.setOnes(limits.size());
+    for (int i = 0; i < limits.size(); ++i) {
+        double stop_s = 0.0;
+        for (const double v : {limits.velocity.lower[i], limits.velocity.upper[i]})
+            if (std::isfinite(v)) stop_s = std::max(stop_s, calcStationaryStop(v, 0.0, limits.axis(i)).duration());
+        if (stop_s > 0.0) together_[i] = longest_s / stop_s;
+    }
     tremble_.configure(std::isfinite(longest_s) ? 4 + std::llround(4.0 * longest_s / tick_s_) : 4000);
     const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
     shrink_ = isBounded ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;
@@ -86,16 +100,39 @@ void ToolFollower::skipTicks(std::int64_t ticks) {
     velocity_.forget();
 }
 
-void ToolFollower::findAround(const MotionState& state) {
+void ToolFollower::findAround(const MotionState& state, bool isTool) {
     for (int i = 0; i < state.q.size(); ++i) {
         const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], stopLimits_.axis(i));
-        const auto shorten = [&](double lead, double v) {
+        const double share = isTool ? together_[i] : leadShare_;
+        const auto scale = [&](double lead, double v) {
             const double least = kLeadTicks * tick_s_ * v;
-            return leadShare_ < 1.0 && std::isfinite(v) ? least + leadShare_ * (lead - least) : lead;
+            return share != 1.0 && std::isfinite(v) ? least + share * (lead - least) : lead;
         };
-        around_.lower[i] = std::min(state.q[i], stop) + shorten(lead_.lower[i], stopLimits_.velocity.lower[i]);
-        around_.upper[i] = std::max(state.q[i], stop) + shorten(lead_.upper[i], stopLimits_.velocity.upper[i]);
+        around_.lower[i] = std::min(state.q[i], stop) + scale(lead_.lower[i], stopLimits_.velocity.lower[i]);
+        around_.upper[i] = std::max(state.q[i], stop) + scale(lead_.upper[i], stopLimits_.velocity.upper[i]);
         stop_[i] = stop;
+    }
+}
+
+void ToolFollower::keepPace(const MotionState& state) {
+    double longest_s = 0.0, farthest = 0.0, rate = 0.0;
+    for (int i = 0; i < state.q.size(); ++i) {
+        const double way = target_.q[i] - state.q[i], time_s = calcTime(way, stopLimits_.axis(i));
+        if (!(time_s > longest_s)) continue;
+        longest_s = time_s;
+        farthest = std::abs(way);
+        rate = std::max((state.qd[i] - target_.qd[i]) / way, 1.0 / time_s);
+    }
+    if (longest_s == 0.0) return;
+    for (int i = 0; i < state.q.size(); ++i) {
+        const AxisLimits axis = stopLimits_.axis(i);
+        double& target = target_.q[i];
+        const double way = target - state.q[i];
+        const double faster = 1.0 - calcTime(std::copysign(farthest, way), axis) / longest_s;
+        if (!(faster > 0.0)) continue;
+        const double v = std::clamp(rate * way / faster, axis.velocityLower, axis.velocityUpper);
+        const double end = state.q[i] + calcWay(v, 0.0, axis) + kLeadTicks * tick_s_ * v;
+        target = way > 0.0 ? std::min(target, std::max(end, stop_[i])) : std::max(target, std::min(end, stop_[i]));
     }
 }
 
@@ -104,11 +141,11 @@ void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surrou
                         JointVector& jerk) {
     if constexpr (std::is_same_v<Goal, JointVector>) {
         leadShare_ = std::clamp(leadShare_ * (servo_.isLed() ? shrink_ : grow_), kLeastLead, 1.0);
-        findAround(state);
+        findAround(state, false);
         const JointVector& q = reference_.q();
         if ((q.array() < around_.lower.array() || q.array() > around_.upper.array()).any()) reference_.moveTo(stop_);
     } else {
-        findAround(state);
+        findAround(state, true);
     }
     reference_.advance(goal, surroundings, time_s, &around_);
     if (reference_.hasNewGoal()) tremble_.reset(state.q);
@@ -119,6 +156,7 @@ void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surrou
     }
     target_.q = reference_.q();
     target_.qd = velocity_.calc(target_.q);
+    if (std::is_same_v<Goal, Pose>) keepPace(state);
     servo_.calc(state, target_, jerk);
 }
 

@@ -41,6 +41,10 @@ joint could (TargetVelocity).
 Lead: the reference is bounded ahead of the arm, or of the place where the arm would stop. The bound is the way in which
 a joint stops from its velocity limit, and three ticks at that. If the arm is stopped sooner, the reference goes back at
 that speed. So an arm that is held back is not left behind. A joint without a velocity limit has no such bound.
+Pace: a joint that is stronger than the one with the longest way to go goes with it, in proportion to their ways, the
+more strictly the stronger it is. Otherwise the tool would pass its command, as a weak joint is there long after the
+others. For this the lead of each joint is as long as if all stopped as slowly as the slowest. Joints with the same
+limits do not wait.
 Leap: a reference may be held back and off by more than 1 mm. It then leaps to where the arm would stop, if that is
 nearer to the command by half. So a hand that lets go commands that place, and the arm does not first follow the
 reference. This is the law of the plugin tool_servo and of ArmBatch.
@@ -84,13 +88,16 @@ private:
               JointVector& jerk);
     void updateLimits(const JointLimits& limits);
     JointVector findRest(const JointLimits& limits) const;
-    void findAround(const MotionState& state);
+    void findAround(const MotionState& state, bool isTool);
+    /** Brings the targets of joints that are faster than the slowest one so near that all arrive with it. */
+    void keepPace(const MotionState& state);
 
     JointVector start_;
     double tick_s_ = 0.0, share_ = 1.0;
     JointLimits stopLimits_;  ///< limits of the servo's stop
     JointBounds lead_;        ///< bounds of the reference's lead [rad]
     JointBounds around_;      ///< bounds of the reference in this tick [rad]
+    JointVector together_;    ///< longest stop of all joints, in stops of this one
     JointVector stop_;        ///< place where the arm would stop [rad]
     ToolReference reference_;
     Servo servo_;

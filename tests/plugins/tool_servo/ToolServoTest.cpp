@@ -449,6 +449,49 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
             }
 }
 
+// Each joint in turn with a tenth of the acceleration and jerk: the others would be there long before it.
+TEST(ToolFollower, AWeakJointDoesNotLeadTheToolPastACommandThatJumps) {
+    std::mt19937 random(static_cast<std::mt19937::result_type>(getSeed(3)));
+    for (const char* robot : {"indy7", "ur5e", "panda"}) {
+        double mean_m = 0.0;
+        int count = 0;
+        for (const int weak : {0, 1, 2, 3, 4, 5})
+            for (int k = 0; k < countOf(2); ++k, ++count) {
+                TestArm arm(robot);
+                const auto set = [&](JointBounds& bounds, double limit) {
+                    bounds.upper.setConstant(limit);
+                    if (&bounds != &arm.limits.velocity) bounds.upper[weak] /= 10.0;
+                    bounds.lower = -bounds.upper;
+                };
+                set(arm.limits.velocity, 2.0);
+                set(arm.limits.acceleration, 12.0);
+                set(arm.limits.jerk, 120.0);
+                const JointVector zero = JointVector::Zero(arm.size());
+                const auto placeTool = [&](const JointVector& q) { return arm.calcDynamics(q, zero).tool; };
+                const Pose command = placeTool(arm.start.q + makeRandomVector(arm.size(), 0.5, random));
+                const Eigen::Vector3d way = command.position - placeTool(arm.start.q).position;
+                ToolFollower follower;
+                ToolFollowerOptions options;
+                options.reference = {0.2, 0.0, 0.0};
+                follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, options);
+                MotionState state = arm.start;
+                JointVector jerk;
+                double beyond_m = 0.0;
+                for (int tick = 0; tick < 5000; ++tick) {
+                    follower.calc(state, command, nullptr, tick * arm.tick_s, jerk);
+                    advanceArm(state, jerk, arm.tick_s);
+                    beyond_m =
+                        std::max(beyond_m, (placeTool(state.q).position - command.position).dot(way.normalized()));
+                }
+                EXPECT_LE((placeTool(state.q).position - command.position).norm(), 1e-3) << robot << ", " << weak;
+                mean_m += beyond_m;
+            }
+        mean_m /= count;
+        std::printf("%s: %.1f mm beyond the command in the mean\n", robot, 1e3 * mean_m);
+        EXPECT_LE(mean_m, 0.005) << robot;
+    }
+}
+
 TEST_F(ToolServoTest, ABarredReferenceTakesNoMemory) {
     if (!testing::AllocationCounter::isAvailable()) GTEST_SKIP() << testing::AllocationCounter::whyNot();
     const ArmGeometry geometry = loadArmGeometry(arm_.robot);
