@@ -1,6 +1,5 @@
 #include "report/RunReport.h"
 
-#include <cstring>
 #include <deque>
 
 #include "core/AtOnce.h"
@@ -360,18 +359,10 @@ private:
         std::vector<float> both;
         both.reserve(2 * least.size());
         for (std::size_t i = 0; i < least.size(); ++i) {
-            both.push_back(shorten(least[i]));
-            both.push_back(shorten(largest[i]));
+            both.push_back(least[i]);
+            both.push_back(largest[i]);
         }
         return block.add(both);
-    }
-    /** To 18 bits, towards zero: finer than any screen, and a fifth less to store. */
-    static float shorten(float x) {
-        std::uint32_t bits;
-        std::memcpy(&bits, &x, sizeof bits);
-        bits &= ~std::uint32_t{63};
-        std::memcpy(&x, &bits, sizeof bits);
-        return x;
     }
 
     int n_;
