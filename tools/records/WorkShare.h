@@ -22,6 +22,7 @@ struct WorkShare {
             tell(what, begin + own * static_cast<double>(++done) / static_cast<double>(count));
         };
         detail::forEachAtOnce(count, workAndTell, most);
+        tell(what, begin + own);
     }
 };
 

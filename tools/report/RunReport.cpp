@@ -730,6 +730,9 @@ void addVerification(const fs::path& log, const LogReader& reader, json& one, Bi
     }
 }
 
+/** So many are read at once: each takes some megabytes, and a file that is open. */
+constexpr std::size_t kOpenLogs = 8;
+
 /** A log, its rows read or not yet. */
 struct OpenLog {
     OpenLog(fs::path log, std::size_t buckets)
@@ -877,20 +880,24 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
                  {"summary", nullptr}, {"cases", json::array()}};
     std::vector<std::string> yaml;
     Environments environments;
-    std::deque<OpenLog> logs;
-    for (const fs::path& log : arm.logs) logs.emplace_back(log, buckets);
-    detail::forEachAtOnce(logs.size(), [&](std::size_t i) { logs[i].readRows(); });
-    for (const OpenLog& log : logs) {
-        if (data["robot"].is_null()) {
-            data["robot"] = {{"name", fs::path(arm.robot).filename().string()}, {"joints", describeJoints(log.reader)}};
-            data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
-        }
-        json& one = data["cases"].emplace_back(describeCase(log, summary, block));
-        for (const LogAttachment& attachment : log.reader.attachments()) {
-            if (attachment.name != "experiment.yaml") continue;
-            yaml.push_back(attachment.data);
-            if (one.contains("clearance"))
-                one["clearance"]["environment"] = environments.add(log.reader, attachment.data, arm.robot, block);
+    for (std::size_t first = 0; first < arm.logs.size(); first += kOpenLogs) {
+        std::deque<OpenLog> logs;
+        for (std::size_t i = first; i < std::min(arm.logs.size(), first + kOpenLogs); ++i)
+            logs.emplace_back(arm.logs[i], buckets);
+        detail::forEachAtOnce(logs.size(), [&](std::size_t i) { logs[i].readRows(); });
+        for (const OpenLog& log : logs) {
+            if (data["robot"].is_null()) {
+                data["robot"] = {{"name", fs::path(arm.robot).filename().string()},
+                                 {"joints", describeJoints(log.reader)}};
+                data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
+            }
+            json& one = data["cases"].emplace_back(describeCase(log, summary, block));
+            for (const LogAttachment& attachment : log.reader.attachments()) {
+                if (attachment.name != "experiment.yaml") continue;
+                yaml.push_back(attachment.data);
+                if (one.contains("clearance"))
+                    one["clearance"]["environment"] = environments.add(log.reader, attachment.data, arm.robot, block);
+            }
         }
     }
     data["summary"] = describeTable(summary, arm.logs, data["robot"].is_null() ? json() : data["robot"]["joints"]);

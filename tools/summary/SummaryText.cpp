@@ -713,8 +713,8 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     const auto rank = [&](const CaseResult* r) {
         const Summary& s = r->summary;
         const double tool = s.realTool().errorRms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
-        return std::make_tuple(!followsNominal(findProblems(*r)), rankLimits(*r, ranking),
-                               s.ticksWith(FilterStatus::Infeasible),
+        return std::make_tuple(r->stopReason != StopReason::None, !followsNominal(findProblems(*r)),
+                               rankLimits(*r, ranking), s.ticksWith(FilterStatus::Infeasible),
                                rankError(!std::isnan(tool)     ? tool
                                          : !std::isnan(joints) ? joints
                                                                : getCommandError(s)));

@@ -37,6 +37,8 @@ constexpr double kOverdue = 2.0, kOverdue_s = 0.2, kReturn = 7.5;
 constexpr double kMemory = 32.0;
 /** A change of the slope that is so many times the RMS one is a jump. */
 constexpr double kJump = 4.0;
+/** One that is larger than so many counts as these, so that the next jump is one, too. */
+constexpr double kMostJump = 32.0;
 /** Turns are led the short way round: no farther than this ahead [rad]. */
 constexpr double kFarthestTurn = 1.5;
 
@@ -177,7 +179,7 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
     for (int i = 0; i < countWays(); ++i) {
         Way& way = ways_[static_cast<std::size_t>(i)];
         if (goesOn) predict(way, calcWay(before, newest_, i) / lasted_s, lasted_s, trend);
-        const double turn = way.velocity.norm() * period_s_;
+        const double turn = way.velocity.norm() * (stands_s_ - sent_s_);
         if (newest_.space == MotionCommand::Space::Tool && i == 1 && turn > kFarthestTurn)
             way.velocity *= kFarthestTurn / turn;
         double rate = 0.0;
@@ -189,16 +191,17 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
 /** The slope of the next period, and for how long it can be told. Motions are smooth: over a time u their velocities are
 correlated by exp(-(fading u)^2). Over a period, the correlation is the share of the predicted slopes that came. */
 void CommandReceiver::predict(Way& way, const Eigen::Vector3d& slope, double lasted_s, double trend) const {
-    const double next2 = way.next.squaredNorm();
-    if (lasted_s < 1.5 * period_s_) {
+    const double next2 = way.next.squaredNorm(), change2 = (slope - way.slope).squaredNorm();
+    const bool isJump = change2 > kJump * kJump * way.change2;
+    if (lasted_s < 1.5 * period_s_ && !isJump) {
         way.came += (std::clamp(way.next.dot(slope), -2.0 * next2, 2.0 * next2) - way.came) / kMemory;
         way.expected += (next2 - way.expected) / kMemory;
     }
     const double correlation = way.expected > 0.0 ? std::clamp(way.came / way.expected, 1e-9, 1.0) : 1.0;
     way.fading = std::sqrt(-std::log(correlation)) / period_s_;
-    const double change2 = (slope - way.slope).squaredNorm();
-    way.next = calcNext(slope, way.slope, trend, change2 > kJump * kJump * way.change2);
-    way.change2 += (change2 - way.change2) / kMemory;
+    way.next = calcNext(slope, way.slope, trend, isJump);
+    const double most = way.change2 > 0.0 ? kMostJump * kMostJump * way.change2 : kInfinity;
+    way.change2 += (std::min(change2, most) - way.change2) / kMemory;
     way.slope = slope;
     way.velocity = period_s_ > kLongestPeriod_s ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : way.next;
 }

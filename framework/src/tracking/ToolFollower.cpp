@@ -11,7 +11,7 @@ namespace {
 /** The lead beyond the way in which a joint stops from its velocity limit [ticks at that limit]: a stop on the grid of ticks is longer than
 that of continuous time. */
 constexpr double kLeadTicks = 3.0;
-/** Towards joint positions, the rest of the lead of an arm that is led shrinks by e in this share of its longest stop, down to a
+/** The rest of the lead of an arm that is led shrinks by e in this share of its longest stop, down to a
 least share; it grows by e in a whole one. */
 constexpr double kShrinking = 0.25, kLeastLead = 0.02;
 
@@ -20,9 +20,13 @@ double calcWay(double v, double a, const AxisLimits& limits) {
     return std::isfinite(v) ? calcStationaryStop(v, a, limits).displacement : v;
 }
 
+double calcSpeed(double way, const AxisLimits& l) {
+    return way > 0.0 ? l.velocityUpper : -l.velocityLower;
+}
+
 /** About how long a joint takes for this way, from rest to rest [s]. */
 double calcTime(double way, const AxisLimits& l) {
-    const double v = way > 0.0 ? l.velocityUpper : -l.velocityLower, size = std::abs(way);
+    const double v = calcSpeed(way, l), size = std::abs(way);
     const double a = std::min(l.accelerationUpper, -l.accelerationLower), j = std::min(l.jerkUpper, -l.jerkLower);
     return std::max({size / v, 2.0 * std::sqrt(size / a), std::cbrt(32.0 * size / j)});
 }
@@ -103,7 +107,7 @@ void ToolFollower::skipTicks(std::int64_t ticks) {
 void ToolFollower::findAround(const MotionState& state, bool isTool) {
     for (int i = 0; i < state.q.size(); ++i) {
         const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], stopLimits_.axis(i));
-        const double share = isTool ? together_[i] : leadShare_;
+        const double share = isTool ? 1.0 + leadShare_ * (together_[i] - 1.0) : leadShare_;
         const auto scale = [&](double lead, double v) {
             const double least = kLeadTicks * tick_s_ * v;
             return share != 1.0 && std::isfinite(v) ? least + share * (lead - least) : lead;
@@ -115,12 +119,13 @@ void ToolFollower::findAround(const MotionState& state, bool isTool) {
 }
 
 void ToolFollower::keepPace(const MotionState& state) {
-    double longest_s = 0.0, farthest = 0.0, rate = 0.0;
+    double longest_s = 0.0, fast_s = 0.0, rate = 0.0;
     for (int i = 0; i < state.q.size(); ++i) {
-        const double way = target_.q[i] - state.q[i], time_s = calcTime(way, stopLimits_.axis(i));
+        const AxisLimits axis = stopLimits_.axis(i);
+        const double way = target_.q[i] - state.q[i], time_s = calcTime(way, axis);
         if (!(time_s > longest_s)) continue;
         longest_s = time_s;
-        farthest = std::abs(way);
+        fast_s = std::abs(way) / calcSpeed(way, axis);
         rate = std::max((state.qd[i] - target_.qd[i]) / way, 1.0 / time_s);
     }
     if (longest_s == 0.0) return;
@@ -128,7 +133,8 @@ void ToolFollower::keepPace(const MotionState& state) {
         const AxisLimits axis = stopLimits_.axis(i);
         double& target = target_.q[i];
         const double way = target - state.q[i];
-        const double faster = 1.0 - calcTime(std::copysign(farthest, way), axis) / longest_s;
+        const double same = std::copysign(fast_s * calcSpeed(way, axis), way);  // turns and slides alike
+        const double faster = 1.0 - calcTime(same, axis) / longest_s;
         if (!(faster > 0.0)) continue;
         const double v = std::clamp(rate * way / faster, axis.velocityLower, axis.velocityUpper);
         const double end = state.q[i] + calcWay(v, 0.0, axis) + kLeadTicks * tick_s_ * v;
@@ -139,24 +145,22 @@ void ToolFollower::keepPace(const MotionState& state) {
 template <class Goal>
 void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surroundings* surroundings, double time_s,
                         JointVector& jerk) {
-    if constexpr (std::is_same_v<Goal, JointVector>) {
-        leadShare_ = std::clamp(leadShare_ * (servo_.isLed() ? shrink_ : grow_), kLeastLead, 1.0);
-        findAround(state, false);
-        const JointVector& q = reference_.q();
-        if ((q.array() < around_.lower.array() || q.array() > around_.upper.array()).any()) reference_.moveTo(stop_);
-    } else {
-        findAround(state, true);
-    }
+    constexpr bool isTool = std::is_same_v<Goal, Pose>;
+    leadShare_ = std::clamp(leadShare_ * (servo_.isLed() ? shrink_ : grow_), kLeastLead, 1.0);
+    findAround(state, isTool);
+    const JointVector& q = reference_.q();
+    if (!isTool && (q.array() < around_.lower.array() || q.array() > around_.upper.array()).any())
+        reference_.moveTo(stop_);
     reference_.advance(goal, surroundings, time_s, &around_);
     if (reference_.hasNewGoal()) tremble_.reset(state.q);
     if (reference_.isHeldBack()) {
         reference_.leapTo(stop_, goal);
-        if (std::is_same_v<Goal, JointVector> && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);
+        if (!isTool && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);
         velocity_.forget();  // it may stop at any moment: be able to stop with it
     }
     target_.q = reference_.q();
     target_.qd = velocity_.calc(target_.q);
-    if (std::is_same_v<Goal, Pose>) keepPace(state);
+    if (isTool) keepPace(state);
     servo_.calc(state, target_, jerk);
 }
 

@@ -44,7 +44,7 @@ that speed. So an arm that is held back is not left behind. A joint without a ve
 Pace: a joint that is stronger than the one with the longest way to go goes with it, in proportion to their ways, the
 more strictly the stronger it is. Otherwise the tool would pass its command, as a weak joint is there long after the
 others. For this the lead of each joint is as long as if all stopped as slowly as the slowest. Joints with the same
-limits do not wait.
+limits do not wait. What this adds to the lead goes while a filter leads the arm elsewhere.
 Leap: a reference may be held back and off by more than 1 mm. It then leaps to where the arm would stop, if that is
 nearer to the command by half. So a hand that lets go commands that place, and the arm does not first follow the
 reference. This is the law of the plugin tool_servo and of ArmBatch.
