@@ -107,6 +107,19 @@ TEST(CommandReceiver, ExtrapolationDoesNotOvershootACommandThatJumpsOrStops) {
     EXPECT_EQ(calc(receiver, t + 0.04).q[0], 14.0);
 }
 
+// One sample that is far off is neither gone beyond, nor does it hide the next one or end the extrapolation.
+TEST(CommandReceiver, OutliersAreNotGoneBeyondAndSoonForgotten) {
+    Receiver receiver;
+    for (int k = 0; k < 400; ++k) {
+        const double t = 0.01 * k, q = std::sin(t);
+        const bool isOff = k == 100 || k == 110 || k == 131;
+        receiver.take(t, at(isOff ? q + 1.0 : q));
+        const double next = calc(receiver, t + 0.009).q[0];
+        if (k > 20) EXPECT_NEAR(next, isOff ? q + 1.0 : q, 0.02) << k;
+        if ((k > 50 && k < 100) || k > 180) EXPECT_NEAR(next, std::sin(t + 0.009), 0.003) << k;
+    }
+}
+
 TEST(CommandReceiver, AfterSilenceTheCommandIsTheLastSample) {
     Receiver receiver;
     for (int k = 0; k <= 20; ++k) receiver.take(0.1 * k, at(0.1 * k));

@@ -533,6 +533,8 @@ TEST(Summary, ACaseIsOneSentenceThatBeginsWithItsWorstAndATableOfHundredColumns)
                                  std::string(12, 'b') + "~" + std::string(10, 'b')});
     good.result.others = bad.result.others = {{"command", "c"}, {"robot", "r"}};
     expectContains(formatOrder({bad.result, good.result}), {"nearest to the command): good, bbb"});
+    std::swap(good.result.stopReason, bad.result.stopReason);  // whatever it kept until then
+    expectContains(formatOrder({good.result, bad.result}), {"b, good"});
     bad.result.others["command"] = "another";
     EXPECT_EQ(formatOrder({bad.result, good.result}), "");
 }
