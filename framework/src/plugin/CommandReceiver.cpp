@@ -37,8 +37,6 @@ constexpr double kOverdue = 2.0, kOverdue_s = 0.2, kReturn = 7.5;
 constexpr double kMemory = 32.0;
 /** A change of the slope that is so many times the RMS one is a jump. */
 constexpr double kJump = 4.0;
-/** One that is larger than so many counts as these, so that the next jump is one, too. */
-constexpr double kMostJump = 32.0;
 /** Turns are led the short way round: no farther than this ahead [rad]. */
 constexpr double kFarthestTurn = 1.5;
 
@@ -200,8 +198,9 @@ void CommandReceiver::predict(Way& way, const Eigen::Vector3d& slope, double las
     const double correlation = way.expected > 0.0 ? std::clamp(way.came / way.expected, 1e-9, 1.0) : 1.0;
     way.fading = std::sqrt(-std::log(correlation)) / period_s_;
     way.next = calcNext(slope, way.slope, trend, isJump);
-    const double most = way.change2 > 0.0 ? kMostJump * kMostJump * way.change2 : kInfinity;
-    way.change2 += (std::min(change2, most) - way.change2) / kMemory;
+    // A jump counts as the largest change that is none: the next one is told, too. A rest tells nothing of motions.
+    const double counted = isJump && way.change2 > 0.0 ? kJump * kJump * way.change2 : change2;
+    if (!slope.isZero(0.0) || change2 > 0.0) way.change2 += (counted - way.change2) / kMemory;
     way.slope = slope;
     way.velocity = period_s_ > kLongestPeriod_s ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : way.next;
 }
