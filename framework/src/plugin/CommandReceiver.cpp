@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "core/RotationVector.h"
 
@@ -37,6 +38,8 @@ constexpr double kOverdue = 2.0, kOverdue_s = 0.2, kReturn = 7.5;
 constexpr double kMemory = 32.0;
 /** A change of the slope that is so many times the RMS one is a jump. */
 constexpr double kJump = 4.0;
+/** A slope that is so many times the RMS one is an outlier's. */
+constexpr double kOutlier = 16.0;
 /** Turns are led the short way round: no farther than this ahead [rad]. */
 constexpr double kFarthestTurn = 1.5;
 
@@ -189,18 +192,19 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
 /** The slope of the next period, and for how long it can be told. Motions are smooth: over a time u their velocities are
 correlated by exp(-(fading u)^2). Over a period, the correlation is the share of the predicted slopes that came. */
 void CommandReceiver::predict(Way& way, const Eigen::Vector3d& slope, double lasted_s, double trend) const {
-    const double next2 = way.next.squaredNorm(), change2 = (slope - way.slope).squaredNorm();
-    const bool isJump = change2 > kJump * kJump * way.change2;
-    if (lasted_s < 1.5 * period_s_ && !isJump) {
+    const double next2 = way.next.squaredNorm(), slope2 = slope.squaredNorm();
+    const bool isOff = way.slope2 > 0.0 && slope2 > kOutlier * kOutlier * way.slope2;
+    const double counted = isOff ? kJump * kJump * way.slope2 : slope2;  // so that the next one is told, too
+    if (slope2 > 0.0) way.slope2 += (counted - way.slope2) / kMemory;
+    if (lasted_s < 1.5 * period_s_ && !isOff) {
         way.came += (std::clamp(way.next.dot(slope), -2.0 * next2, 2.0 * next2) - way.came) / kMemory;
         way.expected += (next2 - way.expected) / kMemory;
     }
     const double correlation = way.expected > 0.0 ? std::clamp(way.came / way.expected, 1e-9, 1.0) : 1.0;
     way.fading = std::sqrt(-std::log(correlation)) / period_s_;
-    way.next = calcNext(slope, way.slope, trend, isJump);
-    // A jump counts as the largest change that is none: the next one is told, too. A rest tells nothing of motions.
-    const double counted = isJump && way.change2 > 0.0 ? kJump * kJump * way.change2 : change2;
-    if (!slope.isZero(0.0) || change2 > 0.0) way.change2 += (counted - way.change2) / kMemory;
+    const double change2 = (slope - way.slope).squaredNorm();
+    way.next = calcNext(slope, way.slope, trend, isOff || change2 > kJump * kJump * way.change2);
+    if (!std::exchange(way.isOff, isOff) && !isOff) way.change2 += (change2 - way.change2) / kMemory;
     way.slope = slope;
     way.velocity = period_s_ > kLongestPeriod_s ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : way.next;
 }

@@ -36,14 +36,15 @@ private:
 
     /** What moves by itself: a joint, the tool's position or its orientation. It is seen from the newest sample. */
     struct Way {
-        using Vector = Eigen::Vector3d;     // joints: the first is theirs
-        Vector slope = Vector::Zero();      // between the last two samples
-        Vector next = Vector::Zero();       // what should follow
-        Vector velocity = Vector::Zero();   // with which the command goes on
-        Vector offset = Vector::Zero();     // of the command from there, when the sample came
-        double change2 = 0.0;               // mean square of the slope's changes
-        double came = 0.0, expected = 0.0;  // means: `next` times what came, its square
-        double fading = 0.0;                // [1/s]
+        using Vector = Eigen::Vector3d;      // joints: the first is theirs
+        Vector slope = Vector::Zero();       // between the last two samples
+        Vector next = Vector::Zero();        // what should follow
+        Vector velocity = Vector::Zero();    // with which the command goes on
+        Vector offset = Vector::Zero();      // of the command from there, when the sample came
+        double slope2 = 0.0, change2 = 0.0;  // mean squares of slopes in motion, and of their changes
+        bool isOff = false;                  // the slope is far from all others
+        double came = 0.0, expected = 0.0;   // means: `next` times what came, its square
+        double fading = 0.0;                 // [1/s]
     };
 
     double followClock(double t);
