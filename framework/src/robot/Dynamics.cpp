@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/FixedSize.h"
-
 namespace viable {
 
 bool isFinite(const Dynamics& d, int n) {
@@ -53,8 +51,10 @@ bool calcForwardDynamics(const Dynamics& dynamics, const JointVector& torque, Jo
     if (!torque.allFinite() || !dynamics.b.allFinite() || !dynamics.M.allFinite()) return false;
     // Cut off already here, so that the substitutions below cannot overflow.
     qdd = torque.cwiseMax(-kLargestAcceleration).cwiseMin(kLargestAcceleration) - dynamics.b;
-    const auto solveOf = [&](auto size) { return solve<decltype(size)::value>(dynamics.M, qdd); };
-    if (!detail::withFixedSize(static_cast<int>(qdd.size()), solveOf)) return false;
+    const bool isSolved = qdd.size() == 6   ? solve<6>(dynamics.M, qdd)
+                          : qdd.size() == 7 ? solve<7>(dynamics.M, qdd)
+                                            : solve<0>(dynamics.M, qdd);
+    if (!isSolved) return false;
     for (double& x : qdd) {
         if (std::isnan(x)) return false;
         x = std::min(std::max(x, -kLargestAcceleration), kLargestAcceleration);
