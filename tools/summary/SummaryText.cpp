@@ -724,7 +724,7 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     std::stable_sort(order.begin(), order.end(), [&](const auto* a, const auto* b) { return rank(a) < rank(b); });
     std::string text;
     for (const CaseResult* r : order) addItem(text, r->name);
-    return "best first (" +
+    return "best first (ran to its end, " +
            std::string(results.front().summary.hasRealPlant() ? "the real arm follows the nominal one, " : "") +
            "the nominal arm's limits kept, an admissible choice in every tick, then nearest to the command): " + text;
 }

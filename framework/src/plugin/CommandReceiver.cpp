@@ -180,9 +180,8 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
     for (int i = 0; i < countWays(); ++i) {
         Way& way = ways_[static_cast<std::size_t>(i)];
         if (goesOn) predict(way, calcWay(before, newest_, i) / lasted_s, lasted_s, trend);
-        const double turn = way.velocity.norm() * (stands_s_ - sent_s_);
-        if (newest_.space == MotionCommand::Space::Tool && i == 1 && turn > kFarthestTurn)
-            way.velocity *= kFarthestTurn / turn;
+        const bool isTurn = newest_.space == MotionCommand::Space::Tool && i == 1 && !way.velocity.isZero(0.0);
+        way.most_s = isTurn ? kFarthestTurn / way.velocity.norm() : kInfinity;
         double rate = 0.0;
         way.offset = calcWay(newest_, now, i) - calcAhead(way, t, rate) * way.velocity;
         if (goesOn && way.velocity.isZero(0.0)) way.offset.setZero();  // at rest, or has jumped: taken at once
@@ -193,7 +192,9 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
 correlated by exp(-(fading u)^2). Over a period, the correlation is the share of the predicted slopes that came. */
 void CommandReceiver::predict(Way& way, const Eigen::Vector3d& slope, double lasted_s, double trend) const {
     const double next2 = way.next.squaredNorm(), slope2 = slope.squaredNorm();
-    const bool isOff = way.slope2 > 0.0 && slope2 > kOutlier * kOutlier * way.slope2;
+    // An outlier comes back: what goes on the same way is a motion that has begun.
+    const bool goesOn = way.isOff && slope.dot(way.slope) > 0.0;
+    const bool isOff = !goesOn && way.slope2 > 0.0 && slope2 > kOutlier * kOutlier * way.slope2;
     const double counted = isOff ? kJump * kJump * way.slope2 : slope2;  // so that the next one is told, too
     if (slope2 > 0.0) way.slope2 += (counted - way.slope2) / kMemory;
     if (lasted_s < 1.5 * period_s_ && !isOff) {
@@ -215,9 +216,13 @@ double CommandReceiver::calcAhead(const Way& way, double t, double& rate) const 
     const double seconds = std::min(t, stands_s_) - sent_s_, begin = way.fading * period_s_ / 2.0;
     const double end = begin + way.fading * seconds;
     rate = std::exp(-end * end);
-    const double ahead = end - begin > 1e-6
-                             ? seconds * std::sqrt(kPi) / 2.0 * (std::erf(end) - std::erf(begin)) / (end - begin)
-                             : rate * seconds;
+    double ahead = end - begin > 1e-6
+                       ? seconds * std::sqrt(kPi) / 2.0 * (std::erf(end) - std::erf(begin)) / (end - begin)
+                       : rate * seconds;
+    if (ahead > way.most_s) {
+        ahead = way.most_s;
+        rate = 0.0;
+    }
     if (t < stands_s_) return ahead;
     const double back_s = kReturn * (stands_s_ - sent_s_), left = std::max(0.0, 1.0 - (t - stands_s_) / back_s);
     rate = left > 0.0 ? -ahead / back_s : 0.0;

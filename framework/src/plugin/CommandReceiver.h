@@ -45,6 +45,7 @@ private:
         bool isOff = false;                  // the slope is far from all others
         double came = 0.0, expected = 0.0;   // means: `next` times what came, its square
         double fading = 0.0;                 // [1/s]
+        double most_s = 0.0;                 // ahead, of turns
     };
 
     double followClock(double t);

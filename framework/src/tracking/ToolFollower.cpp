@@ -119,13 +119,14 @@ void ToolFollower::findAround(const MotionState& state, bool isTool) {
 }
 
 void ToolFollower::keepPace(const MotionState& state) {
-    double longest_s = 0.0, fast_s = 0.0, rate = 0.0;
+    double longest_s = 0.0, farthest = 0.0, speed = 0.0, rate = 0.0;
     for (int i = 0; i < state.q.size(); ++i) {
         const AxisLimits axis = stopLimits_.axis(i);
         const double way = target_.q[i] - state.q[i], time_s = calcTime(way, axis);
         if (!(time_s > longest_s)) continue;
         longest_s = time_s;
-        fast_s = std::abs(way) / calcSpeed(way, axis);
+        farthest = std::abs(way);
+        speed = calcSpeed(way, axis);
         rate = std::max((state.qd[i] - target_.qd[i]) / way, 1.0 / time_s);
     }
     if (longest_s == 0.0) return;
@@ -133,8 +134,9 @@ void ToolFollower::keepPace(const MotionState& state) {
         const AxisLimits axis = stopLimits_.axis(i);
         double& target = target_.q[i];
         const double way = target - state.q[i];
-        const double same = std::copysign(fast_s * calcSpeed(way, axis), way);  // turns and slides alike
-        const double faster = 1.0 - calcTime(same, axis) / longest_s;
+        const double share = calcSpeed(way, axis) / speed;  // turns and slides alike
+        const double same = farthest * (std::isfinite(share) && std::isfinite(speed) ? share : 1.0);
+        const double faster = 1.0 - calcTime(std::copysign(same, way), axis) / longest_s;
         if (!(faster > 0.0)) continue;
         const double v = std::clamp(rate * way / faster, axis.velocityLower, axis.velocityUpper);
         const double end = state.q[i] + calcWay(v, 0.0, axis) + kLeadTicks * tick_s_ * v;

@@ -164,6 +164,19 @@ TEST(CommandReceiver, AHandThatStartsAndStopsIsNearerThanHeld) {
             << reach_s;
 }
 
+// A motion that begins after noise is no outlier.
+TEST(CommandReceiver, AMotionThatBeginsAfterANoisyRestIsFollowed) {
+    std::mt19937_64 random(3);
+    Receiver receiver;
+    double sum = 0.0;
+    for (int k = 0; k < 630; ++k) {
+        const double t = k / 30.0, noise = std::uniform_real_distribution<double>(-1e-5, 1e-5)(random);
+        receiver.take(t, at(0.3 * calcMinimumJerk(t - 20.0).value + noise));
+        sum += std::pow(calc(receiver, t + 0.033).q[0] - 0.3 * calcMinimumJerk(t + 0.033 - 20.0).value, 2);
+    }
+    EXPECT_LT(std::sqrt(sum / 30), 0.002);  // held: 0.012
+}
+
 TEST(CommandReceiver, WhatCannotBeToldIsHeld) {
     std::mt19937_64 random(3);
     Receiver receiver;
