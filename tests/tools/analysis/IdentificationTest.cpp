@@ -159,7 +159,7 @@ TEST(Identification, IsExactWithoutNoise) {
     WorkShare::show = [](const char* what, double share) { told[what] = share; };
     const Identification found = experiment.identify();
     WorkShare::show = nullptr;
-    EXPECT_EQ(told["smoothing"], 0.5);  // before the second joint
+    EXPECT_EQ(told["smoothing"], 1.0);
     EXPECT_EQ(told["fitting"], 1.0);
     const JointFriction& truth = experiment.really.actuation.friction;
     for (int i = 0; i < 2; ++i) {
