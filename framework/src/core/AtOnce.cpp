@@ -1,5 +1,7 @@
 #include "core/AtOnce.h"
 
+#include <sched.h>
+
 #include <algorithm>
 #include <atomic>
 #include <exception>
@@ -7,6 +9,13 @@
 #include <vector>
 
 namespace viable::detail {
+
+/** That this process may use. */
+static std::size_t countCores() {
+    cpu_set_t cores;
+    if (sched_getaffinity(0, sizeof cores, &cores) == 0) return static_cast<std::size_t>(CPU_COUNT(&cores));
+    return std::thread::hardware_concurrency();
+}
 
 void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& work, std::size_t most) {
     std::vector<std::exception_ptr> errors(count);
@@ -23,7 +32,7 @@ void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& wo
         }
     };
     std::vector<std::thread> others;
-    const std::size_t threads = std::min({std::size_t{std::thread::hardware_concurrency()}, count, most});
+    const std::size_t threads = std::min({countCores(), count, most});
     others.reserve(threads);
     try {
         while (others.size() + 1 < threads) others.emplace_back(run);
