@@ -1201,6 +1201,7 @@ testOfPage('gaps, missing series and cases without rows are no error', async () 
     status: none('u8'),
     replay: { step_s: 0.01, n: 0, nominal: none('f32'), real: null },
     tick_time: { edges_us: [], counts: [], late: 0 },
+    tool: undefined,
   });
   for (const joint of empty.joints) {
     joint.active = none('u8');
