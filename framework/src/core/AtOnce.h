@@ -6,9 +6,9 @@
 
 namespace viable::detail {
 
-/** Calls work(0) to work(count - 1), one per core and at most `most` at a time, and returns when all have ended. They begin in this order and must
-not wait for each other. Once one has thrown no more begin, and what the first of them threw is thrown: the same for any
-number of cores. */
+/** Calls work(0) to work(count - 1), one per core and at most `most` at a time, and returns when all have ended. They begin
+in this order and must not wait for each other. Once one has thrown no more begin, and what the first of them threw is
+thrown: the same for any number of cores. */
 void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& work, std::size_t most = SIZE_MAX);
 
 }  // namespace viable::detail
