@@ -22,7 +22,7 @@ packages=(
   libhdf5-dev                       # export of logs as HDF5
   liboctomap-dev                    # maps of what stands around the arm
   libassimp-dev                     # mesh files for the replay
-  nodejs npm                        # bundles the page of reports
+  nodejs npm esbuild                # bundle the pages of reports
   libcli11-dev                      # command line
   libsqlite3-dev                    # results of sweeps
   libssl-dev                        # HTTPS of the live page

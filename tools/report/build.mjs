@@ -2,9 +2,9 @@
 // inside: report_template.html for a run, sweep_template.html for a sweep, live.html for an arm that `viable live` drives.
 // MODULES is the folder that holds node_modules (default: this one).
 // The C++ program puts the data of a report where the two placeholders stand; it serves live.html as it is.
+import { execFileSync } from 'node:child_process';
 import { createHash } from 'node:crypto';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
-import { createRequire } from 'node:module';
 import { dirname, join, resolve } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
@@ -15,7 +15,6 @@ if (!target) {
   process.exit(2);
 }
 const modules = join(resolve(process.argv[3] ?? folder), 'node_modules');
-const { build } = createRequire(join(modules, 'any.js'))('esbuild');
 
 /** Where the program puts the data of a report. */
 const DATA = `<script type="application/json" id="viable-data">@@VIABLE_DATA@@</script>
@@ -27,27 +26,22 @@ function inline(text) {
   return { text, hash: `'sha256-${createHash('sha256').update(text).digest('base64')}'` };
 }
 
+/** The text of a script or a style sheet in the sources with all that it imports. */
+function bundle(file) {
+  const options = ['--bundle', '--minify', '--format=iife', '--charset=ascii', '--target=chrome109,firefox115,safari16.4'];
+  options.push('--legal-comments=none'); // the licences stand whole in the head of the page
+  const env = { ...process.env, NODE_PATH: modules };
+  const stdio = ['ignore', 'pipe', 'inherit'];
+  return execFileSync('esbuild', [file, ...options], { cwd: folder, env, stdio, encoding: 'utf8', maxBuffer: 1e8 }).trim();
+}
+
 /**
  * Writes a page from SOURCE/body.html in the frame of all pages, its script and its style; `packages` are those from npm
  * that are in it. A page that is served may speak with its server.
  */
 async function buildPage(name, title, source, style, packages, { isServed = false } = {}) {
-  const bundle = await build({
-    absWorkingDir: folder,
-    nodePaths: [modules],
-    entryPoints: [`${source}/main.js`, `${source}/${style}`],
-    outdir: 'build',
-    write: false,
-    bundle: true,
-    minify: true,
-    format: 'iife',
-    charset: 'ascii',
-    legalComments: 'none', // the licences stand whole in the head of the page
-    target: ['chrome109', 'firefox115', 'safari16.4'],
-  });
-  const output = (extension) => bundle.outputFiles.find((file) => file.path.endsWith(extension)).text.trim();
-  const script = inline(output('.js').replace(/<\/script/gi, '<\\/script'));
-  const css = inline(output('.css'));
+  const script = inline(bundle(`${source}/main.js`).replace(/<\/script/gi, '<\\/script'));
+  const css = inline(bundle(`${source}/${style}`));
   if (/<!--/.test(script.text) || /<\/style/i.test(css.text)) throw new Error('the bundle would break the page');
 
   const licences = await Promise.all(

@@ -5,13 +5,14 @@
 //   node screenshots.mjs REPORT PICTURE.png --sweep RESULT [--scatters 3] ...: of a sweep, from the verdicts to the
 //     strongest dependences
 //   node screenshots.mjs REPORT PICTURE.png --verification [--from 4] [--to 6] ...: the section of `viable verify`
-// FOLDER holds node_modules (default: this one). The pictures have few colours (--colours), which keeps them small.
+// FOLDER holds node_modules (default: this one). The pictures have few colours (--colours), which keeps them small: this needs
+// Debian's package pngquant.
+import { execFileSync } from 'node:child_process';
 import { writeFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';
 import { dirname, join, resolve } from 'node:path';
 import { fileURLToPath, pathToFileURL } from 'node:url';
 import { parseArgs } from 'node:util';
-import { deflateSync } from 'node:zlib';
 
 const text = { type: 'string' };
 const {
@@ -127,101 +128,9 @@ async function takeVerification() {
   return page.locator('#verification').screenshot();
 }
 
-/** The pixels of a PNG. */
-async function decode(png) {
-  const [width, height, base64] = await page.evaluate(async (data) => {
-    const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
-    const bitmap = await createImageBitmap(new Blob([bytes]));
-    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height).getContext('2d');
-    canvas.drawImage(bitmap, 0, 0);
-    const { data: pixels } = canvas.getImageData(0, 0, bitmap.width, bitmap.height);
-    let binary = '';
-    for (let at = 0; at < pixels.length; at += 32768) binary += String.fromCharCode(...pixels.subarray(at, at + 32768));
-    return [bitmap.width, bitmap.height, btoa(binary)];
-  }, png.toString('base64'));
-  return { width, height, pixels: Buffer.from(base64, 'base64') };
-}
-
-/** At most `count` colours for a picture: the frequent ones as they are, the rest by median cut. */
-function makePalette(pixels, count) {
-  const frequency = new Map();
-  for (let i = 0; i < pixels.length; i += 4) {
-    const key = pixels.readUIntBE(i, 3);
-    frequency.set(key, (frequency.get(key) ?? 0) + 1);
-  }
-  const all = [...frequency].map(([key, n]) => ({ rgb: [key >> 16, (key >> 8) & 255, key & 255], n }));
-  all.sort((a, b) => b.n - a.n);
-  const palette = all.slice(0, Math.min(count / 4, all.length)).map(({ rgb }) => rgb);
-  let boxes = [all.slice(palette.length)].filter((box) => box.length > 0);
-  const spread = (box, k) => Math.max(...box.map(({ rgb }) => rgb[k])) - Math.min(...box.map(({ rgb }) => rgb[k]));
-  const widest = (box) => [0, 1, 2].map((k) => [spread(box, k), k]).sort((a, b) => b[0] - a[0])[0];
-  const weight = (box) => widest(box)[0] * Math.sqrt(box.reduce((sum, { n }) => sum + n, 0));
-  while (boxes.length > 0 && palette.length + boxes.length < count) {
-    boxes.sort((a, b) => weight(b) - weight(a));
-    const [box] = boxes;
-    if (box.length < 2) break;
-    const [, k] = widest(box);
-    box.sort((a, b) => a.rgb[k] - b.rgb[k]);
-    const half = box.reduce((sum, { n }) => sum + n, 0) / 2;
-    let sum = 0;
-    let cut = box.findIndex(({ n }) => (sum += n) >= half) + 1;
-    cut = Math.min(Math.max(cut, 1), box.length - 1);
-    boxes = [box.slice(0, cut), box.slice(cut), ...boxes.slice(1)];
-  }
-  for (const box of boxes) {
-    const total = box.reduce((sum, { n }) => sum + n, 0);
-    palette.push([0, 1, 2].map((k) => Math.round(box.reduce((sum, { rgb, n }) => sum + rgb[k] * n, 0) / total)));
-  }
-  return palette;
-}
-
-/** The check sum of a PNG chunk. */
-function checksum(bytes) {
-  let sum = ~0;
-  for (const byte of bytes) {
-    sum ^= byte;
-    for (let i = 0; i < 8; ++i) sum = (sum >>> 1) ^ (sum & 1 ? 0xedb88320 : 0);
-  }
-  return ~sum >>> 0;
-}
-
-/** A PNG with a palette. */
-function encode({ width, height, pixels }, palette) {
-  const nearest = new Map();
-  const find = (key) => {
-    if (!nearest.has(key)) {
-      const rgb = [key >> 16, (key >> 8) & 255, key & 255];
-      const distances = palette.map((c) => (c[0] - rgb[0]) ** 2 + (c[1] - rgb[1]) ** 2 + (c[2] - rgb[2]) ** 2);
-      nearest.set(key, distances.indexOf(Math.min(...distances)));
-    }
-    return nearest.get(key);
-  };
-  const rows = Buffer.alloc((width + 1) * height);
-  for (let y = 0; y < height; ++y)
-    for (let x = 0; x < width; ++x) rows[y * (width + 1) + 1 + x] = find(pixels.readUIntBE(4 * (y * width + x), 3));
-  const chunk = (type, data) => {
-    const body = Buffer.concat([Buffer.from(type), data]);
-    const frame = Buffer.alloc(8);
-    frame.writeUInt32BE(data.length, 0);
-    frame.writeUInt32BE(checksum(body), 4);
-    return Buffer.concat([frame.subarray(0, 4), body, frame.subarray(4)]);
-  };
-  const head = Buffer.alloc(13);
-  head.writeUInt32BE(width, 0);
-  head.writeUInt32BE(height, 4);
-  head.set([8, 3, 0, 0, 0], 8); // 8 bits, palette
-  return Buffer.concat([
-    Buffer.from([0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a]),
-    chunk('IHDR', head),
-    chunk('PLTE', Buffer.from(palette.flat())),
-    chunk('IDAT', deflateSync(rows, { level: 9, memLevel: 9 })),
-    chunk('IEND', Buffer.alloc(0)),
-  ]);
-}
-
 const take = options.verification ? takeVerification : options.sweep !== undefined ? takeSweep : options.replay !== undefined ? takeReplay : takeFigure;
-const picture = await decode(await take());
-const png = encode(picture, makePalette(picture.pixels, Number(options.colours ?? (take === takeFigure ? 64 : 160))));
+const colours = options.colours ?? (take === takeFigure ? 64 : 160);
+const png = execFileSync('pngquant', ['--nofs', '--speed=1', '--strip', String(colours), '-'], { input: await take(), maxBuffer: 1e8 });
 await writeFile(target, png);
-console.log(`${target}: ${picture.width} x ${picture.height}, ${(png.length / 1024).toFixed(0)} KB`);
+console.log(`${target}: ${png.readUInt32BE(16)} x ${png.readUInt32BE(20)}, ${(png.length / 1024).toFixed(0)} KB`);
 await browser.close();
