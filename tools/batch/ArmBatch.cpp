@@ -1,9 +1,7 @@
 #include "batch/ArmBatch.h"
 
-#include <system_error>
-#include <thread>
-
 #include "config/Draws.h"
+#include "core/AtOnce.h"
 #include "core/ErrorParts.h"
 #include "environment/ArmSurroundings.h"
 #include "experiment/CaseBlocks.h"
@@ -111,19 +109,6 @@ bool drive(RealArm& real, Scratch& s) {
     }
 }
 
-/** Threads that are waited for, however the place where this stands is left. */
-struct Helpers {
-    Helpers() = default;
-    Helpers(const Helpers&) = delete;
-    Helpers& operator=(const Helpers&) = delete;
-    ~Helpers() { join(); }
-    void join() {
-        for (std::thread& thread : threads) thread.join();
-        threads.clear();
-    }
-    std::vector<std::thread> threads;
-};
-
 }  // namespace
 
 struct ArmBatch::Impl {
@@ -165,8 +150,6 @@ struct ArmBatch::Impl {
             surroundings = makeSurroundings(*options.environment, robot, *geometry, setup.limits);
             for (int arm = 0; arm < arms; ++arm) wholeArms.push_back(std::make_unique<WholeArm>(surroundings));
         }
-        threads =
-            options.threads > 0 ? options.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
         limits.assign(count(arms), setup.limits);
         laws.resize(count(arms));
         for (std::vector<double>* values : {&state.q, &state.qd, &state.qdd, &state.jerk, &state.torque, &state.margin})
@@ -180,7 +163,7 @@ struct ArmBatch::Impl {
         RunSetup atHome = setup;
         detail::checkGuardStart(kArmBatch, {robot.home, zero, zero}, atHome);
         std::vector<int> all(count(arms));
-        for (int arm = 0; arm < arms; ++arm) all[count(arm)] = arm;
+        for (int arm = 0; arm < arms; ++arm) all[arm] = arm;
         reset(all, std::vector<MotionState>(count(arms), {robot.home, zero, zero}));
     }
 
@@ -199,7 +182,7 @@ struct ArmBatch::Impl {
             for (auto& [key, value] : resolveDraws(drawn, {options.seed, arm})) draws[key].push_back(value);
             const PluginChoice choice = detail::readPlugin(*drawn.find("real_plant"), PluginKind::RealPlant, loader, n);
             auto one = std::make_unique<RealArm>(setup);
-            one->setup.limits = limits[count(arm)];
+            one->setup.limits = limits[arm];
             one->plant = PluginLoader::create<RealPlant>(choice.plugin);
             one->plant->configure(one->setup, choice.parameters);
             if (one->plant->traits().hasClock)
@@ -244,7 +227,7 @@ struct ArmBatch::Impl {
         for (const JointVector* v : {&start.q, &start.qd, &start.qdd})
             if (v->lpNorm<Eigen::Infinity>() > kLargestLimit)
                 throw badInput(nameArm(arm), "its start is beyond 1e7 rad, rad/s or rad/s^2", "Check its unit.");
-        at.limits = limits[count(arm)];
+        at.limits = limits[arm];
         at.start = start;
         try {
             if (surroundings) {
@@ -288,58 +271,38 @@ struct ArmBatch::Impl {
     /** Calls work(begin, end) for all items, `chunk` at a time, in threads. */
     template <class Work>
     void share(int items, int chunk, std::int64_t mostThreads, const Work& work) const {
-        std::atomic<int> next{0};
-        const auto runTurns = [&] {
+        const auto workChunk = [&](std::size_t k) {
             const UsualArithmetic usual;
-            for (int begin = next.fetch_add(chunk); begin < items; begin = next.fetch_add(chunk))
-                work(begin, std::min(items, begin + chunk));
+            const int begin = static_cast<int>(k) * chunk;
+            work(begin, std::min(items, begin + chunk));
         };
-        const std::int64_t most = std::min<std::int64_t>(threads, (items + chunk - 1) / chunk);
-        const std::int64_t wanted = std::max<std::int64_t>(std::min(most, mostThreads) - 1, 0);
-        std::vector<std::exception_ptr> thrown(static_cast<std::size_t>(wanted));
-        Helpers helpers;
-        helpers.threads.reserve(thrown.size());
-        try {
-            for (std::exception_ptr& mine : thrown)
-                helpers.threads.emplace_back([&runTurns, &mine] {
-                    try {
-                        runTurns();
-                    } catch (...) {
-                        mine = std::current_exception();
-                    }
-                });
-        } catch (const std::system_error&) {
-            // Fewer threads do it too.
-        }
-        runTurns();
-        helpers.join();
-        for (const std::exception_ptr& one : thrown)
-            if (one) std::rethrow_exception(one);
+        const std::int64_t most =
+            options.threads > 0 ? std::min<std::int64_t>(options.threads, mostThreads) : mostThreads;
+        detail::forEachAtOnce(count((items + chunk - 1) / chunk), workChunk, static_cast<std::size_t>(most));
     }
 
     void put(int arm, const MotionState& start, RunSetup& at) {
-        at.limits = limits[count(arm)];
+        at.limits = limits[arm];
         at.start = start;
-        laws[count(arm)].configure(at, options.filter, "ArmBatchOptions::filter");
+        laws[arm].configure(at, options.filter, "ArmBatchOptions::filter");
         if (!servos.empty()) {
-            servos[count(arm)].configure(at.limits, tick_s);
-            servos[count(arm)].reset(start);
+            servos[arm].configure(at.limits, tick_s);
+            servos[arm].reset(start);
         }
-        ticks[count(arm)] = 0;
-        state.clearance[count(arm)] = kNan;
+        ticks[arm] = 0;
+        state.clearance[arm] = kNan;
         Dynamics dynamics;
         recursion->calcDynamics(start.q, start.qd, dynamics);
         if (surroundings) {
-            WholeArm& whole = *wholeArms[count(arm)];
+            WholeArm& whole = *wholeArms[arm];
             configure(whole, options.filter, at);
-            for (int i = 0; i < n; ++i) whole.stops[count(i)] = laws[count(arm)].braking().stop(i);
+            for (int i = 0; i < n; ++i) whole.stops[i] = laws[arm].braking().stop(i);
         }
         if (isTool) {
             ToolFollowerOptions tool;
             tool.reference.rotationLength_m =
                 options.action == BatchAction::ToolPose ? freedom.calcRotationLength(dynamics.J) : 0.0;
-            tools[count(arm)].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr,
-                                        recursion);
+            tools[arm].configure(robot, at.limits, tick_s, start, tool, geometry ? &*geometry : nullptr, recursion);
         }
         row(state.q, arm) = start.q;
         row(state.qd, arm) = start.qd;
@@ -350,9 +313,9 @@ struct ArmBatch::Impl {
         row(state.torque, arm) = torque;
         std::fill_n(&state.acting[count(arm) * count(n)], n, static_cast<signed char>(0));
         fillMargins(arm);
-        state.status[count(arm)] = GuardStatus::Failed;  // until its plant, too, is there
+        state.status[arm] = GuardStatus::Failed;  // until its plant, too, is there
         if (!real.empty()) {
-            RealArm& one = *real[count(arm)];
+            RealArm& one = *real[arm];
             one.plant->reset(start);
             one.nric.reset(start);
             one.authority.reset();
@@ -368,7 +331,7 @@ struct ArmBatch::Impl {
             row(state.realQd, arm) = measured.qd;
             row(state.motorTorque, arm) = torque;
         }
-        state.status[count(arm)] = GuardStatus::NotStarted;
+        state.status[arm] = GuardStatus::NotStarted;
     }
 
     void changeLimits(const std::vector<int>& which, const std::vector<JointLimits>& to) {
@@ -403,11 +366,10 @@ struct ArmBatch::Impl {
     void fillMargins(int arm) {
         for (int i = 0; i < n; ++i) {
             const std::size_t at = count(arm) * count(n) + count(i);
-            const AxisLimits axis = limits[count(arm)].axis(i);
+            const AxisLimits axis = limits[arm].axis(i);
             const double resolution = kMarginShare * calcLimitScale(axis.positionLower, axis.positionUpper);
             const detail::PathExtent::Accuracy position{axis.positionLower, axis.positionUpper, resolution, resolution};
-            const GridStop& stop =
-                surroundings ? wholeArms[count(arm)]->stops[count(i)] : laws[count(arm)].braking().stop(i);
+            const GridStop& stop = surroundings ? wholeArms[arm]->stops[i] : laws[arm].braking().stop(i);
             const detail::PathExtent::Accuracy velocity{-kInfinity, kInfinity, kInfinity, kInfinity};
             detail::PathExtent path(state.q[at], state.qd[at], state.qdd[at], position, velocity);
             for (int k = 0; k < GridStop::kSegments; ++k) {
@@ -420,7 +382,7 @@ struct ArmBatch::Impl {
     }
 
     void stepArm(int arm, const double* actions, int substeps, Scratch& s) {
-        GuardStatus& status = state.status[count(arm)];
+        GuardStatus& status = state.status[arm];
         if (status == GuardStatus::Failed) return;
         readAction(actions + count(arm) * count(width), s);
         s.nominal = {row(state.q, arm), row(state.qd, arm), row(state.qdd, arm)};
@@ -435,7 +397,7 @@ struct ArmBatch::Impl {
         row(state.jerk, arm) = s.jerk;
         row(state.torque, arm) = s.motion.torque;
         if (!real.empty()) {
-            if (read(*real[count(arm)], s.measured)) {
+            if (read(*real[arm], s.measured)) {
                 row(state.realQ, arm) = s.measured.q;
                 row(state.realQd, arm) = s.measured.qd;
             } else {
@@ -466,12 +428,12 @@ struct ArmBatch::Impl {
     FilterInput wish(int arm, Scratch& s) {
         switch (options.action) {
             case BatchAction::Target:
-                servos[count(arm)].calc(s.nominal, s.target, s.rate);
+                servos[arm].calc(s.nominal, s.target, s.rate);
                 return {s.nominal, s.nominal.qdd, still, &s.rate};
             case BatchAction::ToolPose:
             case BatchAction::ToolPosition:
-                tools[count(arm)].calc(s.nominal, s.tool, surroundings.get(),
-                                       static_cast<double>(ticks[count(arm)]) * tick_s, s.rate);
+                tools[arm].calc(s.nominal, s.tool, surroundings.get(), static_cast<double>(ticks[arm]) * tick_s,
+                                s.rate);
                 calcInverseDynamics(s.dynamics, s.nominal.qdd, s.torque);
                 return {s.nominal, s.torque, s.dynamics, &s.rate};
             case BatchAction::Acceleration:
@@ -488,36 +450,36 @@ struct ArmBatch::Impl {
     bool decide(int arm, Scratch& s, FilterStatus& status) {
         const FilterInput input = wish(arm, s);
         if (!surroundings) {
-            detail::JointBraking& law = laws[count(arm)];
+            detail::JointBraking& law = laws[arm];
             if (law.findDesired(input) != FilterStatus::Passed) return false;
             status = law.braking().choose(s.nominal, law.findMetric(input.dynamics), law.desired(), s.jerk,
                                           s.decision.joints);
             return true;
         }
-        WholeArm& whole = *wholeArms[count(arm)];
+        WholeArm& whole = *wholeArms[arm];
         const FilterStatus answer = whole.filter.filter(input, s.decision);
         if (answer == FilterStatus::InvalidInput || answer == FilterStatus::Faulted) return false;
         status = answer == FilterStatus::StoppedByPlan ? FilterStatus::Modified : answer;
         s.jerk = s.decision.value;
         whole.stops = s.decision.stops;
         const LimitReport& nearest = s.decision.reports[LimitKind::Clearance];
-        state.clearance[count(arm)] = nearest.isKnown ? nearest.margin : kNan;
+        state.clearance[arm] = nearest.isKnown ? nearest.margin : kNan;
         return true;
     }
 
     /** Follows the stop that is held ready: s.jerk. */
     void brake(int arm, Scratch& s) {
         if (surroundings) {
-            WholeArm& whole = *wholeArms[count(arm)];
+            WholeArm& whole = *wholeArms[arm];
             s.jerk.resize(n);
-            for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[count(i)].popJerk();
+            for (int i = 0; i < n; ++i) s.jerk[i] = whole.stops[i].popJerk();
             whole.filter.skipTicks(1);
         } else {
-            laws[count(arm)].braking().getStored(s.jerk);
-            laws[count(arm)].skipTicks(1);
+            laws[arm].braking().getStored(s.jerk);
+            laws[arm].skipTicks(1);
         }
-        if (!servos.empty()) servos[count(arm)].skipTicks(1);
-        if (isTool) tools[count(arm)].skipTicks(1);
+        if (!servos.empty()) servos[arm].skipTicks(1);
+        if (isTool) tools[arm].skipTicks(1);
         s.decision.joints = {};
     }
 
@@ -529,10 +491,10 @@ struct ArmBatch::Impl {
 
         FilterStatus status = FilterStatus::StoppedByPlan;
         if (!s.isUsable || !decide(arm, s, status)) brake(arm, s);
-        ++ticks[count(arm)];
+        ++ticks[arm];
         s.decision.holdJerk(s.jerk);
         for (int i = 0; i < n; ++i) {
-            const JointIntervention& joint = s.decision.joints[count(i)];
+            const JointIntervention& joint = s.decision.joints[i];
             if (joint.limit != LimitKind::None)
                 state.acting[count(arm) * count(n) + count(i)] =
                     static_cast<signed char>(static_cast<int>(joint.limit) * (joint.side == LimitSide::Lower ? -1 : 1));
@@ -544,7 +506,7 @@ struct ArmBatch::Impl {
                                                                   : GuardStatus::Waiting;
         if (needsDynamics)
             calcHeldMotion({s.nominal, s.torque, s.dynamics, nullptr}, status, s.decision, tick_s, s.motion);
-        if (!real.empty() && !drive(*real[count(arm)], s)) answer = GuardStatus::Failed;
+        if (!real.empty() && !drive(*real[arm], s)) answer = GuardStatus::Failed;
         advanceNominal(s.decision, tick_s, s.nominal);
         return answer;
     }
@@ -555,7 +517,6 @@ struct ArmBatch::Impl {
     const int n, arms;
     const bool isTool;  // the action
     const int width;    // numbers of an action
-    int threads = 1;    // at most; how many cores there are takes long to find
     const RunSetup setup;
     const std::shared_ptr<const ArmRecursion> recursion;  // of all nominal arms
     const ToolFreedom freedom;
@@ -618,9 +579,9 @@ std::vector<int> ArmBatch::findUnusable(const std::vector<int>& arms, const std:
         strict.recovery = false;
         for (int i = begin; i < end; ++i) {
             try {
-                in.check(arms[Impl::count(i)], starts[Impl::count(i)], strict, at);
+                in.check(arms[i], starts[i], strict, at);
             } catch (const Error&) {
-                isUnusable[Impl::count(i)] = 1;
+                isUnusable[i] = 1;
             }
         }
     });
@@ -646,7 +607,7 @@ void ArmBatch::step(const double* actions, int ticks) {
             try {
                 in.stepArm(arm, actions, ticks, scratch);
             } catch (...) {  // it stands where it was; the others go on
-                in.state.status[Impl::count(arm)] = GuardStatus::Failed;
+                in.state.status[arm] = GuardStatus::Failed;
             }
         }
     });

@@ -316,7 +316,7 @@ std::string RobotServer::describe() const {
            std::to_string(hosts_) + "\ncommands  " + (packets.empty() ? "none" : packets) + "\nrepeated  " +
            std::to_string(robot_.repeated) + " ticks; held itself for want of commands " +
            std::to_string(robot_.lapses) + " times\ntorque    largest step " +
-           detail::format("%.4g Nm in a tick (%s)\n", largestStep_, joint.name.c_str());
+           detail::format("%.4g Nm in a tick (%s)\n", largestStep_, joint.name);
 }
 
 }  // namespace viable

@@ -255,12 +255,11 @@ void addPeople(const ConfiguredCase& configured, CaseForecast& forecast) {
     for (const Person& person : environment->people) {
         const std::string touch =
             person.contactSpeed <= 0.0 ? std::string("what can touch it must rest first")
-            : person.bodyPart
-                ? format("contact (%s) at %.3g m/s at most",
-                         bodyPartNames()[static_cast<std::size_t>(*person.bodyPart)].c_str(), person.contactSpeed)
-                : format("contact at %.3g m/s at most", person.contactSpeed);
-        forecast.people.push_back(format("%s: at most %.3g m/s, seen at most %.3g s late and %.3g m off, ",
-                                         person.name.c_str(), person.maxSpeed, person.latency_s, person.error_m) +
+            : person.bodyPart          ? format("contact (%s) at %.3g m/s at most",
+                                                bodyPartNames()[static_cast<std::size_t>(*person.bodyPart)], person.contactSpeed)
+                                       : format("contact at %.3g m/s at most", person.contactSpeed);
+        forecast.people.push_back(format("%s: at most %.3g m/s, seen at most %.3g s late and %.3g m off, ", person.name,
+                                         person.maxSpeed, person.latency_s, person.error_m) +
                                   touch);
     }
 }

@@ -188,9 +188,8 @@ std::function<Pose(const JointVector&)> makeToolCalculator(const RobotDescriptio
         recursion->calcFrames(q, frames);
         Eigen::Isometry3d pose = placement;
         if (parent >= 0) {
-            const auto at = static_cast<std::size_t>(parent);
-            pose.linear() = frames.rotation[at] * placement.linear();
-            pose.translation() = frames.origin[at] + frames.rotation[at] * placement.translation();
+            pose.linear() = frames.rotation[parent] * placement.linear();
+            pose.translation() = frames.origin[parent] + frames.rotation[parent] * placement.translation();
         }
         return Pose{pose.translation(), Eigen::Quaterniond(pose.linear())};
     };

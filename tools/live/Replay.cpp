@@ -267,8 +267,7 @@ public:
             if (row.braking && !now.braking && stop.tick < 0) return k;
             result.difference = findDifference(rows.reader().columns(), row, now);
             if (!result.difference.empty()) {
-                result.difference =
-                    detail::format("at %.4f s (tick %lld) ", row.time_s, static_cast<long long>(k)) + result.difference;
+                result.difference = detail::format("at %.4f s (tick %lld) ", row.time_s, k) + result.difference;
                 return -1;
             }
             ++result.ticks;

@@ -54,7 +54,7 @@ void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
     if (s.trackingRms(worst) <= kFarRms || (s.waiting() && s.waiting()->ticks > 0)) return;
     found.push_back(
         format("the real arm does not follow the nominal one: %s is %.3g mrad (sliding: mm) from it, RMS (%s)",
-               s.jointName(worst).c_str(), 1e3 * s.trackingRms(worst), explainLoop(r).c_str()));
+               s.jointName(worst), 1e3 * s.trackingRms(worst), explainLoop(r)));
 }
 
 /** What a bound that does not hold says: none of the disturbances that it is for can do that. */
@@ -65,12 +65,11 @@ void addBound(const CaseResult& r, std::vector<std::string>& found) {
     for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity}) {
         const int worst = s.worstBoundJoint(kind);
         if (!(s.boundShare(kind, worst) > 1.0 + kRounding)) continue;
-        found.push_back(
-            format("the real arm was beyond its tracking bound: the %s of %s by up to %.3g of it (what acts on the "
-                   "arm, or its sensors, are not within the disturbance_set, a motor was at its limit, or the nominal "
-                   "arm beyond its limits)",
-                   kind == LimitKind::Position ? "position" : "velocity", s.jointName(worst).c_str(),
-                   s.boundShare(kind, worst)));
+        found.push_back(format(
+            "the real arm was beyond its tracking bound: the %s of %s by up to %.3g of it (what acts on the "
+            "arm, or its sensors, are not within the disturbance_set, a motor was at its limit, or the nominal "
+            "arm beyond its limits)",
+            kind == LimitKind::Position ? "position" : "velocity", s.jointName(worst), s.boundShare(kind, worst)));
         return;
     }
 }
@@ -83,7 +82,7 @@ std::string listMotors(const Summary& s, const Count& count, const Accept& accep
         const MotorRecord& motor = s.motor(i);
         const double share = static_cast<double>(motor.*count) / static_cast<double>(s.ticks());
         if (share > kSaturatedShare && accepts(motor))
-            detail::addItem(list, format("%s in %.0f %%", s.jointName(i).c_str(), 100.0 * share));
+            detail::addItem(list, format("%s in %.0f %%", s.jointName(i), 100.0 * share));
     }
     return list;
 }
@@ -132,7 +131,7 @@ std::string nameCause(const Following& f, bool swings, const char* otherwise) {
     kinds.emplace_back(LimitKind::Position, "position");
     for (const auto& [kind, name] : kinds)
         if (f.share(kind) >= kCauseShare)
-            return format("held by %s limits, in %.0f %% of that error", name.c_str(), 100.0 * f.share(kind));
+            return format("held by %s limits, in %.0f %% of that error", name, 100.0 * f.share(kind));
     return otherwise;
 }
 

@@ -215,9 +215,8 @@ std::vector<SummaryFigure> makeFigures() {
     t.add("peak_s", [](S s) { return onlyIf(s.touching()->ticks > 0, s.touching()->peak_s); });
     t.add("first_s", [](S s) { return onlyIf(s.touching()->ticks > 0, s.touching()->first_s); });
     t.add("obstacle", [](R r) {
-        const int obstacle = r.summary.touching()->peak.obstacle;
-        const auto at = static_cast<std::size_t>(obstacle);
-        return obstacle >= 0 && at < r.obstacles.size() ? r.obstacles[at] : std::string();
+        const int obstacle = r.summary.touching()->peak.obstacle, count = static_cast<int>(r.obstacles.size());
+        return obstacle >= 0 && obstacle < count ? r.obstacles[obstacle] : std::string();
     });
 
     t.begin("touch.", [](R r) { return r.summary.waiting().has_value(); });

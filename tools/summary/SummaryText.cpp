@@ -106,9 +106,7 @@ std::string formatVerdict(const Summary& s) {
     }
     if (s.recoveringTicks() == 0) return text;
     text += s.anyLimitBroken() || s.endsOutside() ? ";" : " but for";
-    return text +
-           format(" %lld of %lld ticks recovering", static_cast<long long>(s.recoveringTicks()),
-                  static_cast<long long>(s.ticks())) +
+    return text + format(" %lld of %lld ticks recovering", s.recoveringTicks(), s.ticks()) +
            formatExcesses(s, &LimitRecord::worstRecovering);
 }
 
@@ -118,13 +116,12 @@ std::string formatLimit(const Summary& s, LimitKind kind) {
     const int joint = s.worstJoint(kind);
     const LimitRecord& worst = s.limit(kind)[joint];
     text += format("worst use %9s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s",
-                   formatPercent(worst.worstUse).c_str(), s.jointName(joint).c_str(), worst.worstTime_s,
-                   static_cast<long long>(s.ticksOutside(kind)),
-                   formatWorst(s, s.limit(kind), kind, &LimitRecord::worstExcess, formatDistance).c_str());
+                   formatPercent(worst.worstUse), s.jointName(joint), worst.worstTime_s, s.ticksOutside(kind),
+                   formatWorst(s, s.limit(kind), kind, &LimitRecord::worstExcess, formatDistance));
     std::int64_t recovering = 0;
     for (const LimitRecord& record : s.limit(kind)) recovering += record.ticksRecovering;
     if (recovering > 0)
-        text += format("; while recovering outside in %lld, worst excess ", static_cast<long long>(recovering)) +
+        text += format("; while recovering outside in %lld, worst excess ", recovering) +
                 formatWorst(s, s.limit(kind), kind, &LimitRecord::worstRecovering,
                             [](double excess) { return format("%.3g", excess); });
     return text + "\n";
@@ -134,13 +131,13 @@ std::string formatStatuses(const Summary& s) {
     std::string text;
     for (FilterStatus status : {FilterStatus::Passed, FilterStatus::Modified, FilterStatus::Infeasible,
                                 FilterStatus::StoppedByPlan, FilterStatus::Recovering}) {
-        addItem(text, format("%s %lld", getName(status), static_cast<long long>(s.ticksWith(status))));
+        addItem(text, format("%s %lld", getName(status), s.ticksWith(status)));
         if (status == FilterStatus::Infeasible && s.ticksWith(status) > 0)
             text += format(" (first at %.3f s)", s.firstInfeasible_s());
         if (status == FilterStatus::StoppedByPlan && s.ticksWith(status) > 0)
-            text += format(" (%lld of them missed ticks)", static_cast<long long>(s.missedTicks()));
+            text += format(" (%lld of them missed ticks)", s.missedTicks());
     }
-    return "  filter        " + text + format(" of %lld ticks\n", static_cast<long long>(s.ticks()));
+    return "  filter        " + text + format(" of %lld ticks\n", s.ticks());
 }
 
 /** One line per limit, all joints of a kind together. */
@@ -157,26 +154,24 @@ std::string formatInterventions(const Summary& s) {
     }
     std::string text;
     for (const auto& [key, sum] : byLimit)
-        text +=
-            format("  %-20s acted %lld times, %.3f joint-s, longest %.3f s, %s removed max %.3g, RMS %.3g %s\n",
-                   key.first.c_str(), static_cast<long long>(sum.episodes), static_cast<double>(sum.ticks) * s.tick_s(),
-                   static_cast<double>(sum.longestTicks) * s.tick_s(), key.second ? "force" : "torque",
-                   sum.largestTorque, sum.torqueRms(), getUnit(LimitKind::Torque, key.second));
+        text += format("  %-20s acted %lld times, %.3f joint-s, longest %.3f s, %s removed max %.3g, RMS %.3g %s\n",
+                       key.first, sum.episodes, static_cast<double>(sum.ticks) * s.tick_s(),
+                       static_cast<double>(sum.longestTicks) * s.tick_s(), key.second ? "force" : "torque",
+                       sum.largestTorque, sum.torqueRms(), getUnit(LimitKind::Torque, key.second));
     return text;
 }
 
 std::string formatStops(const Summary& s) {
     std::string text = "  stops         ";
     if (std::isfinite(s.worstMargin().value))
-        text += format("least margin %s %s (%s at %.3f s), ", formatDistance(s.worstMargin().value).c_str(),
+        text += format("least margin %s %s (%s at %.3f s), ", formatDistance(s.worstMargin().value),
                        getUnit(LimitKind::Position, s.slides(s.worstMargin().joint)),
-                       s.jointName(s.worstMargin().joint).c_str(), s.worstMargin().time_s);
-    text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value, s.jointName(s.longestStop().joint).c_str(),
+                       s.jointName(s.worstMargin().joint), s.worstMargin().time_s);
+    text += format("longest %.3f s (%s at %.3f s)", s.longestStop().value, s.jointName(s.longestStop().joint),
                    s.longestStop().time_s);
     if (s.unviableTicks() > 0)
-        text += format(", unviable ticks %lld (first at %.3f s)", static_cast<long long>(s.unviableTicks()),
-                       s.firstUnviable_s());
-    if (s.missedTicks() > 0) text += format(", missed ticks %lld", static_cast<long long>(s.missedTicks()));
+        text += format(", unviable ticks %lld (first at %.3f s)", s.unviableTicks(), s.firstUnviable_s());
+    if (s.missedTicks() > 0) text += format(", missed ticks %lld", s.missedTicks());
     return text + "\n";
 }
 
@@ -243,7 +238,7 @@ std::string formatCommandErrors(const CaseResult& r) {
             joints += format("  %.3g / %.3g", s.following(i).errorRms() / unit, s.following(i).asked() / unit);
         }
         text += format(" nominal joints %.4g %s RMS, at most %.4g (%s)", s.commandErrorRms() / unit, name,
-                       s.following(farthest).largestError() / unit, s.jointName(farthest).c_str());
+                       s.following(farthest).largestError() / unit, s.jointName(farthest));
         if (s.hasRealPlant()) text += format("; real joints %.4g %s RMS", s.realCommandErrorRms() / unit, name);
         text += format("\n  per joint     RMS error / what the command moves by [%s]", name) + joints;
     }
@@ -270,7 +265,7 @@ std::string formatVerdict(const LimitAccount& account) {
 
 std::string formatAccount(const LimitAccount& account) {
     const LimitRow& row = getLimitRow(account.kind);
-    std::string text = format("  %-13s nominal: ", row.label.c_str()) +
+    std::string text = format("  %-13s nominal: ", row.label) +
                        tell(account.kind, &LimitRow::tellArm, account, account.nominal) + "\n";
     if (account.real)
         text += format("  %-13s real: ", "") + tell(account.kind, &LimitRow::tellArm, account, *account.real) + "\n";
@@ -315,7 +310,7 @@ std::string formatTrip(const Summary& s) {
     const TrackingTrip& trip = *s.trip();
     const char* const unit = getUnit(LimitKind::Position, s.slides(trip.joint));
     std::string text = format("  tripped       at %.4f s: %s measured %.4g %s from its nominal place, bound %.4g %s; ",
-                              trip.time_s, s.jointName(trip.joint).c_str(), trip.error, unit, trip.bound, unit);
+                              trip.time_s, s.jointName(trip.joint), trip.error, unit, trip.bound, unit);
     const std::string passed = formatRealExcesses(s, &Summary::realStop);
     text += passed.empty() ? "the real arm stayed inside its position and velocity limits"
                            : "after it the real arm exceeded its limits: " + passed;
@@ -343,9 +338,8 @@ std::string formatReal(const Summary& s) {
         std::int64_t outside = 0;
         for (const LimitRecord& record : records) outside += record.ticksOutside;
         text += format("worst use %s %% (%s at %.3f s), outside in %lld joint-ticks, worst excess %s\n",
-                       formatPercent(records[worst].worstUse).c_str(), s.jointName(worst).c_str(),
-                       records[worst].worstTime_s, static_cast<long long>(outside),
-                       formatWorst(s, records, kind, &LimitRecord::worstExcess, formatDistance).c_str());
+                       formatPercent(records[worst].worstUse), s.jointName(worst), records[worst].worstTime_s, outside,
+                       formatWorst(s, records, kind, &LimitRecord::worstExcess, formatDistance));
     }
     if (s.reference().bound) {
         text += "  bound used    position / velocity per joint [%]";
@@ -364,10 +358,9 @@ std::string formatReal(const Summary& s) {
             saturated += s.motor(i).ticksSaturated;
             rateLimited += s.motor(i).ticksRateLimited;
         }
-        text += format(", saturated in %lld joint-ticks", static_cast<long long>(saturated));
+        text += format(", saturated in %lld joint-ticks", saturated);
         text += ", at most " + formatPercent(added) + " % added by the robust loop";
-        if (s.reference().torqueRate.size() == n)
-            text += format(", changing as fast as they may in %lld", static_cast<long long>(rateLimited));
+        if (s.reference().torqueRate.size() == n) text += format(", changing as fast as they may in %lld", rateLimited);
         text += "\n";
     }
     if (const auto& touching = s.touching()) {
@@ -379,45 +372,41 @@ std::string formatReal(const Summary& s) {
             text += format(
                 "in %lld ticks, first at %.3f s, %lld times; at most %.3g N at %.3f s, %.2g mm deep; at the end %.3g "
                 "N\n",
-                static_cast<long long>(touching->ticks), touching->first_s, static_cast<long long>(touching->touches),
-                peak.pressing, touching->peak_s, 1e3 * peak.depth, touching->last);
+                touching->ticks, touching->first_s, touching->touches, peak.pressing, touching->peak_s,
+                1e3 * peak.depth, touching->last);
     }
     if (s.waiting())
-        text += s.waiting()->ticks == 0 ? "  held          never: the tool met nothing that holds it\n"
-                                        : format(
-                                              "  held          the nominal arm waited for the tool in %lld ticks, "
-                                              "first at %.3f s; it pressed with %.3g N in the mean, %.3g N asked for\n",
-                                              static_cast<long long>(s.waiting()->ticks), s.waiting()->first_s,
-                                              s.waiting()->mean(), s.waiting()->force);
+        text += s.waiting()->ticks == 0
+                    ? "  held          never: the tool met nothing that holds it\n"
+                    : format(
+                          "  held          the nominal arm waited for the tool in %lld ticks, "
+                          "first at %.3f s; it pressed with %.3g N in the mean, %.3g N asked for\n",
+                          s.waiting()->ticks, s.waiting()->first_s, s.waiting()->mean(), s.waiting()->force);
     if (s.externalTorqueMissing() > 0)
-        text += format("  external      %lld ticks without a usable external torque\n",
-                       static_cast<long long>(s.externalTorqueMissing()));
+        text += format("  external      %lld ticks without a usable external torque\n", s.externalTorqueMissing());
     return text;
 }
 
 std::string formatTimes(const char* name, const LatencyHistogram& h) {
     return format("  %-13s p50 %.1f, p99 %.1f, p99.9 %.1f, worst %.1f us (tick %lld)\n", name, h.calcQuantile_us(0.5),
                   h.calcQuantile_us(0.99), h.calcQuantile_us(0.999), 1e-3 * static_cast<double>(h.worst_ns()),
-                  static_cast<long long>(h.worstTick()));
+                  h.worstTick());
 }
 
 std::string formatLive(const LiveTiming& live) {
     std::string text =
         format("  live          %s, by the clock of the %s; missed %lld of %lld ticks (at most %lld in a row)",
-               live.isRealTime ? "real time" : "NOT real time", live.hasClock ? "plant" : "computer",
-               static_cast<long long>(live.missed), static_cast<long long>(live.ticks),
-               static_cast<long long>(live.longestGap));
-    if (live.lostRows > 0)
-        text += format("; the log lacks %lld ticks, for which the disk was too slow",
-                       static_cast<long long>(live.lostRows));
+               live.isRealTime ? "real time" : "NOT real time", live.hasClock ? "plant" : "computer", live.missed,
+               live.ticks, live.longestGap);
+    if (live.lostRows > 0) text += format("; the log lacks %lld ticks, for which the disk was too slow", live.lostRows);
     text += "\n";
     if (!live.hasClock) text += formatTimes("wake-up", live.wakeUp);
     text += formatTimes("interval", live.interval) + formatTimes("compute", live.compute);
     for (const std::string& refusal : live.refusals) text += "  not had       " + refusal + "\n";
     text += "  states       ";
     for (const LiveTiming::Change& change : live.changes)
-        text += format("%s %s at %.3f s (%s)", &change == &live.changes.front() ? "" : ",", change.state.c_str(),
-                       change.time_s, change.asker.c_str());
+        text += format("%s %s at %.3f s (%s)", &change == &live.changes.front() ? "" : ",", change.state, change.time_s,
+                       change.asker);
     text += "\n";
     if (live.takes.empty()) return text;
     constexpr std::size_t kTold = 5;
@@ -689,7 +678,7 @@ CaseSentence tellCase(const CaseResult& r) {
     if (r.live)
         add(r.live->missed > 0 ? Gravity::Doubtful : Gravity::Good,
             format("%s, %lld of %lld ticks missed", r.live->isRealTime ? "in real time" : "not in real time",
-                   static_cast<long long>(r.live->missed), static_cast<long long>(r.live->ticks)));
+                   r.live->missed, r.live->ticks));
     constexpr std::size_t kMostNamed = 3;
     if (const std::size_t n = r.assumed.size(); n > 0)
         add(Gravity::Good, format("%zu figure%s of the robot assumed", n, n == 1 ? " is" : "s are") +
@@ -765,17 +754,16 @@ std::string formatRanking(const std::vector<CaseResult>& results) {
     for (const CaseResult* r : order) {
         const Summary& s = r->summary;
         const bool isRanked = isEqual(*r, *model);
-        text += format("%2s %-22s |", isRanked ? std::to_string(++place).c_str() : "-", r->name.c_str());
+        text += format("%2s %-22s |", isRanked ? std::to_string(++place).c_str() : "-", r->name);
         for (LimitKind kind : kNominalKinds) text += formatOutside(s, kind) + " |";
         const std::string error = formatMrad(getCommandError(s)) + (std::isnan(s.toolErrorRms()) ? "" : " mm");
         const std::string chatter = std::isnan(s.chatter()) ? "-" : format("%.3g", 100.0 * s.chatter());
-        text += format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n",
-                       static_cast<long long>(s.ticksWith(FilterStatus::Infeasible)), 100.0 * s.changedShare(),
-                       error.c_str(), chatter.c_str(), s.stageTime(Stage::Filter).calcQuantile_us(0.5));
+        text += format(" %6lld | %5.1f %% | %9s | %7s | %.1f\n", s.ticksWith(FilterStatus::Infeasible),
+                       100.0 * s.changedShare(), error, chatter, s.stageTime(Stage::Filter).calcQuantile_us(0.5));
         std::string remarks;
         for (const LimitKind kind : ranking)
             if (const std::int64_t ticks = countBroken(s, kind); ticks > 0)
-                remarks += " (" + getLimitRow(kind).ranked + format(" in %lld ticks)", static_cast<long long>(ticks));
+                remarks += " (" + getLimitRow(kind).ranked + format(" in %lld ticks)", ticks);
         if (r->stopReason != StopReason::None) remarks += format(" (stopped at %.3f s)", r->stopTime_s);
         if (!isRanked) remarks += " (other " + listDifferences(*r, *model) + ")";
         text.insert(text.size() - 1, remarks);
@@ -840,13 +828,13 @@ std::string formatDetails(const CaseResult& r) {
         if (const LimitAccount* account = s.account(kind))
             text += formatAccount(*account);
         else if (r.guarantees.has(kind))
-            text += format("  %-13s not judged: %s\n", row.label.c_str(),
+            text += format("  %-13s not judged: %s\n", row.label,
                            row.isSlow ? "the judge takes longer than a tick of a live run may"
                                       : "the filter guarantees it, but nobody counts it in this case");
     }
     if (s.substitutedTicks() > 0)
         text += format("  controller    %lld ticks without a usable torque, the last good one was used\n",
-                       static_cast<long long>(s.substitutedTicks()));
+                       s.substitutedTicks());
     if (r.margins)
         text += "  robust loop   margin " + formatMargins(*r.margins) + ", least at " + s.jointName(r.margins->joint) +
                 "\n";
@@ -871,8 +859,7 @@ std::string formatDetails(const CaseResult& r) {
         for (const auto& [plugin, seed] : r.seeds) text += " " + plugin + " " + seed;
         text += "\n";
     }
-    if (!r.log.empty())
-        text += format("  log           %s (%lld rows)\n", r.log.c_str(), static_cast<long long>(r.logRows));
+    if (!r.log.empty()) text += format("  log           %s (%lld rows)\n", r.log.c_str(), r.logRows);
     if (!r.tool.empty()) text += "  tool          " + r.tool + "\n";
     if (!r.assumed.empty())
         text += "  assumed       figures of the robot that nobody gave: " + detail::join(r.assumed) + "\n";

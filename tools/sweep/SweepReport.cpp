@@ -95,8 +95,8 @@ std::string formatSweepSummary(const SweepStore& store) {
             const std::size_t half = values.size() / 2;
             const double median =
                 values.size() % 2 == 1 ? values[half].first : 0.5 * (values[half - 1].first + values[half].first);
-            text += format("  %-38.80s %12.4g %12.4g %12.4g   %lld\n", makePrintable(plan.columns[column].name).c_str(),
-                           values.front().first, median, max, static_cast<long long>(run));
+            text += format("  %-38.80s %12.4g %12.4g %12.4g   %lld\n", makePrintable(plan.columns[column].name),
+                           values.front().first, median, max, run);
         }
     }
     if (troubled > 0)

@@ -16,9 +16,9 @@ using namespace viable;
 bool print(const RobotDescription& robot, const GuardSummary& summary, const TorqueGuard& guard, long long missed) {
     for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
         const int joint = summary.worstJoint(kind);
-        const LimitRecord& worst = summary.limit(kind)[static_cast<std::size_t>(joint)];
+        const LimitRecord& worst = summary.limit(kind)[joint];
         std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n", getName(kind, LimitSide::Neither),
-                    100.0 * worst.worstUse, robot.jointNames()[static_cast<std::size_t>(joint)].c_str(),
+                    100.0 * worst.worstUse, robot.jointNames()[joint].c_str(),
                     static_cast<long long>(summary.ticksOutside(kind)));
     }
     std::printf("real arm      at most %.1f mrad from the nominal one\n", 1000.0 * summary.trackingMax());

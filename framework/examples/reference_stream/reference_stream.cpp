@@ -114,9 +114,9 @@ int main(int argc, char** argv) try {
 
     for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity, LimitKind::Acceleration, LimitKind::Jerk}) {
         const int joint = summary.worstJoint(kind);
-        const LimitRecord& worst = summary.limit(kind)[static_cast<std::size_t>(joint)];
+        const LimitRecord& worst = summary.limit(kind)[joint];
         std::printf("%-13s worst use %6.2f %% (%s), outside in %lld joint-ticks\n", getName(kind, LimitSide::Neither),
-                    100.0 * worst.worstUse, robot.jointNames()[static_cast<std::size_t>(joint)].c_str(),
+                    100.0 * worst.worstUse, robot.jointNames()[joint].c_str(),
                     static_cast<long long>(summary.ticksOutside(kind)));
     }
     if (count > 0)

@@ -94,7 +94,7 @@ bool CertifiedBraking::isAdmissible(const JointVector& jerks) {
 
 bool CertifiedBraking::isAdmissible(const JointVector& jerks, const std::array<GridStop, kMaxJoints>& stops) {
     for (int i = 0; i < n_; ++i)
-        if (!certificates_[i].isAdmissible(jerks[i], stops[static_cast<std::size_t>(i)])) return false;
+        if (!certificates_[i].isAdmissible(jerks[i], stops[i])) return false;
     return true;
 }
 

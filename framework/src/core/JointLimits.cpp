@@ -174,7 +174,7 @@ LimitKind addLimitKind(const std::string& name, const std::string& unit) {
     const std::lock_guard<std::mutex> guard(kinds.adding);
     const std::string where = "kind of limit '" + name + "'";
     for (int k = 0; k < kinds.count; ++k) {
-        const KindNames& known = kinds.rows[static_cast<std::size_t>(k)];
+        const KindNames& known = kinds.rows[k];
         if (known.neither != name) continue;
         if (known.unit != unit)
             throw badInput(where, "it has the unit '" + known.unit + "' here already, not '" + unit + "'",

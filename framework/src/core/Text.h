@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <cstdio>
 #include <string>
 #include <string_view>
@@ -21,11 +22,23 @@ const char* enumName(decltype(last) value, const char* const (&names)[n], const 
     return at < n ? names[at] : other;
 }
 
-/** As printf does it; up to 511 characters. */
+/** What printf takes of a value. */
+template <class Value>
+const Value& forPrintf(const Value& value) {
+    return value;
+}
+inline const char* forPrintf(const std::string& text) {
+    return text.c_str();
+}
+inline long long forPrintf(std::int64_t number) {
+    return number;
+}
+
+/** As printf does it, also of strings (%s) and std::int64_t (%lld); up to 511 characters. */
 template <class... Arguments>
-std::string format(const char* pattern, Arguments... arguments) {
+std::string format(const char* pattern, const Arguments&... arguments) {
     char text[512];
-    std::snprintf(text, sizeof text, pattern, arguments...);
+    std::snprintf(text, sizeof text, pattern, forPrintf(arguments)...);
     return text;
 }
 

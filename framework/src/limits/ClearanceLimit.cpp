@@ -53,18 +53,16 @@ std::string tellNearest(const ArmLimitRecord& r) {
     if (r.worst == kInfinity) return format("nothing within %g m", kClearanceHorizon_m);
     const std::string& other = r.other.empty() ? r.otherLink : r.other;
     if (r.brokenTicks > 0)
-        return format("%s %s mm deep in %s (at %.3f s)", r.part.c_str(), formatPlain(1e3 * r.depth()).c_str(),
-                      other.c_str(), r.worst_s);
-    return format("nearest %s mm (%s to %s at %.3f s)", formatPlain(1e3 * r.worst).c_str(), r.part.c_str(),
-                  other.c_str(), r.worst_s);
+        return format("%s %s mm deep in %s (at %.3f s)", r.part, formatPlain(1e3 * r.depth()), other, r.worst_s);
+    return format("nearest %s mm (%s to %s at %.3f s)", formatPlain(1e3 * r.worst), r.part, other, r.worst_s);
 }
 
 std::string tellClearance(const LimitAccount& account, const ArmLimitRecord& r) {
-    std::string text = format("in collision in %lld ticks", static_cast<long long>(r.brokenTicks));
+    std::string text = format("in collision in %lld ticks", r.brokenTicks);
     if (r.firstBroken_s) text += format(" (first at %.3f s)", *r.firstBroken_s);
     return text + ", " + tellNearest(r) +
-           format(", within the safety distance of %s mm in %lld ticks",
-                  formatPlain(1e3 * account.limit.value_or(0.0)).c_str(), static_cast<long long>(r.nearTicks));
+           format(", within the safety distance of %s mm in %lld ticks", formatPlain(1e3 * account.limit.value_or(0.0)),
+                  r.nearTicks);
 }
 
 }  // namespace

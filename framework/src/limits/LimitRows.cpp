@@ -25,7 +25,7 @@ std::string tellAnyWorst(const ArmLimitRecord& r) {
 std::string tellAnyArm(const LimitAccount& account, const ArmLimitRecord& r) {
     std::string text = tellAnyWorst(r);
     if (account.limit) text += ", limit " + formatPlain(*account.limit);
-    text += format(", beyond it in %lld ticks", static_cast<long long>(r.brokenTicks));
+    text += format(", beyond it in %lld ticks", r.brokenTicks);
     if (r.firstBroken_s) text += format(" (first at %.3f s)", *r.firstBroken_s);
     return text;
 }

@@ -74,13 +74,13 @@ namespace {
 /** "link6 used 99.6 % of its limit at 1.234 s" */
 std::string tellFastest(const ArmLimitRecord& r) {
     if (r.part.empty()) return r.largest > 0.0 ? "nothing moved where a limit counts" : "nothing moved";
-    return format("%s used %.1f %% of its limit at %.3f s", r.part.c_str(), 100.0 * r.worst, r.worst_s);
+    return format("%s used %.1f %% of its limit at %.3f s", r.part, 100.0 * r.worst, r.worst_s);
 }
 
 std::string tellSpeed(const LimitAccount&, const ArmLimitRecord& r) {
     std::string text = format("up to %.4g m/s, ", r.largest) + tellFastest(r) +
                        format(", above %.0f %% of it in %lld ticks, too fast in %lld", 100.0 * kAtSpeedLimit,
-                              static_cast<long long>(r.nearTicks), static_cast<long long>(r.brokenTicks));
+                              r.nearTicks, r.brokenTicks);
     if (r.firstBroken_s) text += format(" (first at %.3f s)", *r.firstBroken_s);
     return text;
 }

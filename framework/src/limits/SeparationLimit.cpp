@@ -164,15 +164,14 @@ namespace {
 std::string tellClosest(const ArmLimitRecord& r) {
     if (r.part.empty()) return "nobody came near";
     if (r.brokenTicks > 0)
-        return format("%s touched %s while it was too fast (first at %.3f s)", r.part.c_str(), r.other.c_str(),
+        return format("%s touched %s while it was too fast (first at %.3f s)", r.part, r.other,
                       r.firstBroken_s.value_or(r.worst_s));
-    return format("%s came to %.3f m from %s at %.3f s while it was too fast to touch", r.part.c_str(), r.worst,
-                  r.other.c_str(), r.worst_s);
+    return format("%s came to %.3f m from %s at %.3f s while it was too fast to touch", r.part, r.worst, r.other,
+                  r.worst_s);
 }
 
 std::string tellSeparation(const LimitAccount&, const ArmLimitRecord& r) {
-    std::string text = format("touched too fast in %lld ticks, touched in %lld", static_cast<long long>(r.brokenTicks),
-                              static_cast<long long>(r.nearTicks));
+    std::string text = format("touched too fast in %lld ticks, touched in %lld", r.brokenTicks, r.nearTicks);
     if (r.nearTicks > 0) text += format(" (at up to %.3g m/s)", r.largest);
     return text + "; " + tellClosest(r);
 }
@@ -180,22 +179,19 @@ std::string tellSeparation(const LimitAccount&, const ArmLimitRecord& r) {
 std::string tellPeople(const LimitAccount& people) {
     std::string text;
     for (const auto& [name, speed] : people.allowances)
-        text += format("                %s may be touched at up to %.3g m/s of the arm\n", name.c_str(), speed);
+        text += format("                %s may be touched at up to %.3g m/s of the arm\n", name, speed);
     text += format("                at rest because of people for %.2f s", people.resting_s);
     const PeopleFaults& f = people.faults;
     if (f.appeared + f.faster + f.lost + f.refused > 0)
         text += format("; people who appeared: %lld, faster than stated: %lld, lost: %lld, not usable: %lld",
-                       static_cast<long long>(f.appeared), static_cast<long long>(f.faster),
-                       static_cast<long long>(f.lost), static_cast<long long>(f.refused)) +
+                       f.appeared, f.faster, f.lost, f.refused) +
                 (people.lastFault.empty() ? "" : " (last of " + people.lastFault + ")");
     return text + "\n";
 }
 
 std::string tellSurprises(const LimitAccount& people) {
     const std::int64_t count = people.faults.appeared + people.faults.faster;
-    return count == 0 ? ""
-                      : format("; people appeared or were faster than stated in %lld observations",
-                               static_cast<long long>(count));
+    return count == 0 ? "" : format("; people appeared or were faster than stated in %lld observations", count);
 }
 
 }  // namespace

@@ -178,7 +178,7 @@ void CommandReceiver::take(double t, const MotionCommand& received) {
     blend_s_ = goesOn ? kBlend * period_s_ : period_s_;
     stands_s_ = std::max(sent_s_ + std::max(kOverdue * period_s_, kOverdue_s), t + blend_s_);
     for (int i = 0; i < countWays(); ++i) {
-        Way& way = ways_[static_cast<std::size_t>(i)];
+        Way& way = ways_[i];
         if (goesOn) predict(way, calcWay(before, newest_, i) / lasted_s, lasted_s, trend);
         const bool isTurn = newest_.space == MotionCommand::Space::Tool && i == 1 && !way.velocity.isZero(0.0);
         way.most_s = isTurn ? kFarthestTurn / way.velocity.norm() : kInfinity;
@@ -234,7 +234,7 @@ void CommandReceiver::calc(double t, MotionCommand& command) const {
     if (!(blend_s_ > 0.0)) return;
     const double left = std::max(0.0, 1.0 - (t - begin_s_) / blend_s_);
     for (int i = 0; i < countWays(); ++i) {
-        const Way& way = ways_[static_cast<std::size_t>(i)];
+        const Way& way = ways_[i];
         double rate = 0.0;
         const double ahead = calcAhead(way, t, rate);
         const Eigen::Vector3d leaves =

@@ -114,37 +114,33 @@ struct ArmContact::Scene {
 
 ArmContact::Scene::Frames::Frames(const RobotDescription& robot, const JointState& arm) {
     for (int i = 0; i < robot.size(); ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        const JointDescription& joint = robot.joints[at];
+        const JointDescription& joint = robot.joints[i];
         const bool isFirst = joint.parent < 0, slides = joint.type == JointType::Prismatic;
-        const auto parent = static_cast<std::size_t>(std::max(joint.parent, 0));
-        pose[at] = isFirst ? joint.placement : Eigen::Isometry3d(pose[parent] * joint.placement);
-        axis[at] = pose[at].linear() * joint.axis;
+        const int parent = std::max(joint.parent, 0);
+        pose[i] = isFirst ? joint.placement : Eigen::Isometry3d(pose[parent] * joint.placement);
+        axis[i] = pose[i].linear() * joint.axis;
         if (slides)
-            pose[at].translate(Eigen::Vector3d(arm.q[i] * joint.axis));
+            pose[i].translate(Eigen::Vector3d(arm.q[i] * joint.axis));
         else
-            pose[at].rotate(Eigen::AngleAxisd(arm.q[i], joint.axis));
-        turning[at] = isFirst ? Eigen::Vector3d::Zero() : turning[parent];
-        moving[at] =
-            isFirst ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : calcVelocity(joint.parent, pose[at].translation());
-        (slides ? moving : turning)[at] += arm.qd[i] * axis[at];
+            pose[i].rotate(Eigen::AngleAxisd(arm.q[i], joint.axis));
+        turning[i] = isFirst ? Eigen::Vector3d::Zero() : turning[parent];
+        moving[i] =
+            isFirst ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : calcVelocity(joint.parent, pose[i].translation());
+        (slides ? moving : turning)[i] += arm.qd[i] * axis[i];
     }
 }
 
 Eigen::Vector3d ArmContact::Scene::Frames::calcVelocity(int carrier, const Eigen::Vector3d& point) const {
-    const auto at = static_cast<std::size_t>(carrier);
-    return moving[at] + turning[at].cross(point - pose[at].translation());
+    return moving[carrier] + turning[carrier].cross(point - pose[carrier].translation());
 }
 
 void ArmContact::Scene::addTorque(const Frames& frames, int carrier, const Eigen::Vector3d& point,
                                   const Eigen::Vector3d& force, JointVector& torque) const {
     for (int i = carrier; i >= 0;) {
-        const auto at = static_cast<std::size_t>(i);
-        const JointDescription& joint = robot.joints[at];
-        const Eigen::Vector3d& axis = frames.axis[at];
-        torque[i] += joint.type == JointType::Prismatic
-                         ? axis.dot(force)
-                         : axis.dot((point - frames.pose[at].translation()).cross(force));
+        const JointDescription& joint = robot.joints[i];
+        const Eigen::Vector3d& axis = frames.axis[i];
+        torque[i] += joint.type == JointType::Prismatic ? axis.dot(force)
+                                                        : axis.dot((point - frames.pose[i].translation()).cross(force));
         i = joint.parent;
     }
 }
@@ -200,7 +196,7 @@ bool ArmContact::Scene::findCell(const Eigen::Vector3d& centre, double radius, S
 
 bool ArmContact::Scene::findPlace(const Frames& frames, const Ball& ball, std::size_t obstacle, double time_s,
                                   Place& out) const {
-    const Eigen::Vector3d centre = frames.pose[static_cast<std::size_t>(ball.carrier)] * ball.centre;
+    const Eigen::Vector3d centre = frames.pose[ball.carrier] * ball.centre;
     Shortest found{kInfinity, Eigen::Vector3d::Zero()};
     Eigen::Vector3d ofObstacle = Eigen::Vector3d::Zero();
     if (obstacle < solids.size()) {
@@ -287,16 +283,16 @@ std::vector<double> ArmContact::findMobility(const RobotDescription& robot, cons
         const Scene::Frames frames(robot, arm);
         for (std::size_t k = 0; k < points.size(); ++k) {
             const int carrier = points[k].carrier;
-            const Eigen::Vector3d p = frames.pose[static_cast<std::size_t>(carrier)] * points[k].place;
+            const Eigen::Vector3d p = frames.pose[carrier] * points[k].place;
             Eigen::Matrix3d mobility;
             std::array<JointVector, 3> pull;
             for (int axis = 0; axis < 3; ++axis) {
-                JointVector& torque = pull[static_cast<std::size_t>(axis)];
+                JointVector& torque = pull[axis];
                 torque.setZero(n);
                 scene.addTorque(frames, carrier, p, Eigen::Vector3d::Unit(axis), torque);
                 const JointVector moved = factor.solve(torque);
                 for (int other = 0; other <= axis; ++other)
-                    mobility(axis, other) = mobility(other, axis) = pull[static_cast<std::size_t>(other)].dot(moved);
+                    mobility(axis, other) = mobility(other, axis) = pull[other].dot(moved);
             }
             largest[k] =
                 std::max(largest[k], Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(mobility).eigenvalues()[2]);

@@ -44,7 +44,7 @@ void ArmHardware::configure(const RunSetup& setup, const ArmHardwareOptions& opt
         // PA-10 robot arm harmonic drive system", IEEE/ASME Trans. Mechatronics 10 (2005).
         if (ripplePerRad_[i] == 0.0) ripplePerRad_[i] = 2.0 * actuation.gearRatio[i];
         if (robot_.slides(i)) ripplePerRad_[i] *= 2.0 * EIGEN_PI;
-        FrictionLaw& law = friction_[static_cast<std::size_t>(i)];
+        FrictionLaw& law = friction_[i];
         law.coulomb = scale[i] * actuation.friction.coulomb[i];
         law.breakaway = options.breakawayRatio * law.coulomb;
         law.stribeckVelocity = options.stribeckVelocity;
@@ -76,7 +76,7 @@ void ArmHardware::reset(const JointState& start) {
 
 void ArmHardware::calcApplied(const JointVector& command, JointVector& applied) const {
     const bool isUnderWay = delay_ > 0 && tick_ > 0;
-    const JointVector& arriving = isUnderWay ? sent_[static_cast<std::size_t>(oldest_)] : command;
+    const JointVector& arriving = isUnderWay ? sent_[oldest_] : command;
     applied = arriving.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
 }
 
@@ -90,7 +90,7 @@ JointVector ArmHardware::calcMotorTorque(const JointVector& applied, const Joint
 void ArmHardware::endTick(const JointVector& command, const JointState& encoders) {
     if (delay_ > 0) {
         if (tick_ == 0) std::fill(sent_.begin(), sent_.begin() + delay_, command);
-        sent_[static_cast<std::size_t>(oldest_)] = command;
+        sent_[oldest_] = command;
         oldest_ = (oldest_ + 1) % delay_;
     }
     ++tick_;

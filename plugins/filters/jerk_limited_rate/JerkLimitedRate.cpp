@@ -44,7 +44,7 @@ FilterStatus JerkLimitedRate::filter(const FilterInput& input, FilterDecision& d
     acceleration_.resize(n_);
     for (int i = 0; i < n_; ++i)
         acceleration_[i] = calcAcceleration(input.nominal.qd[i], input.nominal.qdd[i], desired_[i], limits_.axis(i),
-                                            decision.joints[static_cast<std::size_t>(i)]);
+                                            decision.joints[i]);
     decision.holdAcceleration(acceleration_);
     return acceleration_ == desired_ ? FilterStatus::Passed : FilterStatus::Modified;
 }

@@ -41,7 +41,7 @@ JerkIntervalFilter::Rows SoftCbf::calcRows(const AxisState& s, const AxisLimits&
 }
 
 SoftCbf::Violated SoftCbf::findViolated(int joint, double jerk) const {
-    const ExponentialBarrierRows& rows = rows_[static_cast<std::size_t>(joint)];
+    const ExponentialBarrierRows& rows = rows_[joint];
     Violated violated;
     const auto add = [&](std::size_t bit, double bound) {
         violated.mask |= 1u << bit;
@@ -145,7 +145,7 @@ JointIntervention SoftCbf::findIntervention(int joint, double desired, double je
     const LimitSide side = jerk < desired ? LimitSide::Upper : LimitSide::Lower;
     const JointBounds& box = limits().jerk;
     if (side == LimitSide::Upper ? jerk >= box.upper[joint] : jerk <= box.lower[joint]) return {LimitKind::Jerk, side};
-    const ExponentialBarrierRows& rows = rows_[static_cast<std::size_t>(joint)];
+    const ExponentialBarrierRows& rows = rows_[joint];
     JointIntervention found;
     double worst = 0.0;
     for (std::size_t r = 0; r < kRows; ++r) {
@@ -164,13 +164,13 @@ FilterStatus SoftCbf::chooseJerk(const MotionState& nominal, const Dynamics& dyn
     for (int i = 0; i < n; ++i) {
         const AxisState state{nominal.q[i], nominal.qd[i], nominal.qdd[i]};
         const AxisLimits axis = limits().axis(i);
-        rows_[static_cast<std::size_t>(i)] = calcExponentialBarrierRows(state, axis, options_.kAlpha);
+        rows_[i] = calcExponentialBarrierRows(state, axis, options_.kAlpha);
         infeasible |= calcRows(state, axis).empty;
     }
     target_ = desired.cwiseMax(limits().jerk.lower).cwiseMin(limits().jerk.upper);
     jerk = target_;
     minimise(dynamics.M, jerk);
-    for (int i = 0; i < n; ++i) joints[static_cast<std::size_t>(i)] = findIntervention(i, desired[i], jerk[i]);
+    for (int i = 0; i < n; ++i) joints[i] = findIntervention(i, desired[i], jerk[i]);
     if (infeasible) return FilterStatus::Infeasible;
     return jerk == desired ? FilterStatus::Passed : FilterStatus::Modified;
 }

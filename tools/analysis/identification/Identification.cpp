@@ -334,7 +334,7 @@ void Estimator::reportFriction(std::size_t i, JointIdentification& joint) const 
     const std::array<int, 3> places{layout().coulomb[i], layout().slope[i], layout().bend[i]};
     for (int a = 0; a < 3; ++a)
         for (int b = 0; b < 3; ++b) {
-            const int row = places[static_cast<std::size_t>(a)], column = places[static_cast<std::size_t>(b)];
+            const int row = places[a], column = places[b];
             if (row >= 0 && column >= 0) joint.covariance(a, b) = fit_.covariance()(row, column);
         }
     // What the shaking takes from the law's mean near rest, where coulomb and viscous share it.

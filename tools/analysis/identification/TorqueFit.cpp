@@ -78,9 +78,9 @@ TorqueFit::TorqueFit(const RobotDescription& nominal, const TorqueEquations& equ
     values_.offset.assign(n_, 0.0);
     values_.bodies.assign(n_, 0.0);
     for (const TorqueEquation& row : equations.rows) {
-        const auto i = static_cast<std::size_t>(row.joint);
-        rows_[i].push_back(&row);
-        fastest_[i] = std::max(fastest_[i], *std::max_element(row.speeds.begin(), row.speeds.end()));
+        rows_[row.joint].push_back(&row);
+        double& fastest = fastest_[row.joint];
+        fastest = std::max(fastest, *std::max_element(row.speeds.begin(), row.speeds.end()));
     }
 }
 
@@ -152,10 +152,9 @@ double TorqueFit::calcMasses(const TorqueEquation& row, const FitValues& values)
     return torque;
 }
 double TorqueFit::calcResidual(const TorqueEquation& row, const FitValues& values, const Averages& a) const {
-    const auto i = static_cast<std::size_t>(row.joint);
-    const Friction& law = values.friction[i];
-    return row.torque - row.sign * (law.coulomb + law.slope * a.viscous) - values.rotor[i] * row.acceleration -
-           values.offset[i] - values.delay * row.torqueRate - calcMasses(row, values);
+    const Friction& law = values.friction[row.joint];
+    return row.torque - row.sign * (law.coulomb + law.slope * a.viscous) - values.rotor[row.joint] * row.acceleration -
+           values.offset[row.joint] - values.delay * row.torqueRate - calcMasses(row, values);
 }
 SparseRow TorqueFit::makeRow(const TorqueEquation& row, const FitLayout& layout, const FitValues& values,
                              const Averages& a) const {

@@ -73,7 +73,7 @@ MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
         record.times_s.push_back(last_s);
         isConstant = isConstant && areSame(row.limits, *record.limits);
         for (Eigen::Index i = 0; i < n; ++i) {
-            MotionRecord::Joint& joint = record.joints[static_cast<std::size_t>(i)];
+            MotionRecord::Joint& joint = record.joints[i];
             const double q = at(isReal ? row.real.q : row.nominal.q, i);
             if (std::isinf(q)) throw infiniteReading(where + ", time " + formatNumber(row.time_s) + " s", joint.name);
             joint.positions.push_back(q);

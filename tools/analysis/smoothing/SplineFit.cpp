@@ -61,9 +61,8 @@ MotionEstimate SplineFit::evaluate(double time_s) const {
     double unit = 1.0;
     for (int order = 0; order < kMotionOrders; ++order, unit /= step_s_) {
         const Vector8 h = piece.calcRow(u, order);
-        const auto o = static_cast<std::size_t>(order);
-        estimate.mean[o] = unit * h.dot(states(k));
-        estimate.deviation[o] = calcDeviation(unit, calcForm(covariance, h) + bridge(order, order));
+        estimate.mean[order] = unit * h.dot(states(k));
+        estimate.deviation[order] = calcDeviation(unit, calcForm(covariance, h) + bridge(order, order));
     }
     return estimate;
 }
