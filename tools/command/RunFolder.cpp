@@ -13,6 +13,7 @@
 #include "Commands.h"
 #include "CrashHandler.h"
 #include "Progress.h"
+#include "core/Descriptor.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "records/WorkShare.h"
@@ -46,32 +47,26 @@ void ignoreWriteSignals() {
 
 FolderClaim::FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
     lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    const auto letGo = [&](const Error& error) {  // the destructor of what was not made is not called
-        ::close(lock_);
-        return error;
-    };
     if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-        throw letGo(badInput("--out " + folder.string(), "another run or sweep writes into this folder",
-                             "Name another folder."));
-    const int descriptor = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        throw badInput("--out " + folder.string(), "another run or sweep writes into this folder",
+                       "Name another folder.");
+    const detail::Descriptor descriptor(::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
     if (descriptor < 0 && errno == EEXIST)
-        throw letGo(badInput("--out " + folder.string(),
-                             std::string("another run has this folder: its ") + kClaim + " is there",
-                             "Name another folder. Only if that run was killed, delete " + file_.string() + "."));
+        throw badInput("--out " + folder.string(),
+                       std::string("another run has this folder: its ") + kClaim + " is there",
+                       "Name another folder. Only if that run was killed, delete " + file_.string() + ".");
     if (descriptor < 0)
-        throw letGo(Error(ErrorKind::LogNotWritten, folder.string(),
-                          "nothing can be written here: " + std::generic_category().message(errno),
-                          "Name another place with --out DIR."));
-    ::close(descriptor);
+        throw Error(ErrorKind::LogNotWritten, folder.string(),
+                    "nothing can be written here: " + std::generic_category().message(errno),
+                    "Name another place with --out DIR.");
     // A run that was quicker may have come and gone since the folder was looked at.
     if (!holdsSomething(folder)) return;
     ::unlink(file_.c_str());
-    throw letGo(alreadyHolds(folder));
+    throw alreadyHolds(folder);
 }
 
 FolderClaim::~FolderClaim() {
     ::unlink(file_.c_str());
-    ::close(lock_);
 }
 
 void requireFreeFolder(const fs::path& folder) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/Descriptor.h"
 #include "experiment/ExperimentFile.h"
 #include "summary/CaseResult.h"
 
@@ -22,12 +23,10 @@ public:
     /** Throws Error: BadInput where another run has it or anything is in it, LogNotWritten where it cannot be written to. */
     explicit FolderClaim(const std::filesystem::path& folder);
     ~FolderClaim();
-    FolderClaim(const FolderClaim&) = delete;
-    FolderClaim& operator=(const FolderClaim&) = delete;
 
 private:
     const std::filesystem::path file_;
-    int lock_ = -1;  // on the folder, as a sweep has one
+    detail::Descriptor lock_;  // on the folder, as a sweep has one
 };
 
 /** To the terminal: a table of the cases and a sentence on each, or in full each one's account and the ranking; to the error

@@ -17,6 +17,7 @@
 #include <sstream>
 #include <utility>
 
+#include "core/Descriptor.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 
@@ -406,21 +407,6 @@ private:
     std::vector<MachineLine> lines_;
 };
 
-/** Closes with its scope. */
-class Descriptor {
-public:
-    explicit Descriptor(int number) : number_(number) {}
-    ~Descriptor() {
-        if (number_ >= 0) close(number_);
-    }
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-    operator int() const { return number_; }
-
-private:
-    int number_;
-};
-
 std::uint64_t toLimit(rlim_t limit) {
     return limit == RLIM_INFINITY ? MemoryRoom::kUnlimited : limit;
 }
@@ -442,14 +428,14 @@ int trySharedMemory(std::uint64_t& size) {
     if (statvfs("/dev/shm", &system) != 0) return errno;
     size = static_cast<std::uint64_t>(system.f_blocks) * system.f_frsize;
     std::string name = "/dev/shm/viable-doctor-" + std::to_string(getpid()) + "-XXXXXX";
-    const Descriptor file(mkostemp(name.data(), O_CLOEXEC));
+    const detail::Descriptor file(mkostemp(name.data(), O_CLOEXEC));
     if (file < 0) return errno;
     unlink(name.c_str());
     return posix_fallocate(file, 0, 64 * 1024);
 }
 
 int tryUdp(std::uint64_t& buffer) {
-    const Descriptor line(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    const detail::Descriptor line(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
     if (line < 0) return errno;
     int size = 0;
     socklen_t length = sizeof size;
@@ -488,7 +474,7 @@ SystemAnswers askSystem(int priority) {
     answers.room = readMemoryRoom();
     answers.triedPriority = priority;
     answers.priorityError = tryPriority(priority);
-    const Descriptor latencyFile(open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
+    const detail::Descriptor latencyFile(open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
     answers.latencyFileError = latencyFile < 0 ? errno : 0;
     cpu_set_t processors;
     CPU_ZERO(&processors);

@@ -13,6 +13,7 @@
 #include <cstring>
 
 #include "core/ChildProcess.h"
+#include "core/Descriptor.h"
 #include "realtime/TickPacer.h"
 #include "records/WorkShare.h"
 
@@ -52,7 +53,7 @@ bool awaitChange(std::atomic<std::uint32_t>& word, std::uint32_t old, int patien
 /** Two sockets on this machine that speak to each other only. */
 class UdpPair {
 public:
-    UdpPair() : UdpPair(-1) {  // from here on its destructor closes what is open when it fails
+    UdpPair() {
         std::array<sockaddr_in, 2> own{};
         for (std::size_t i = 0; i < 2; ++i) {
             ends_[i] = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -68,18 +69,11 @@ public:
             if (connect(ends_[i], reinterpret_cast<sockaddr*>(&own[1 - i]), sizeof own[i]) != 0)
                 failWith("no way from 127.0.0.1 to itself");
     }
-    ~UdpPair() {
-        for (const int end : ends_)
-            if (end >= 0) close(end);
-    }
-    UdpPair(const UdpPair&) = delete;
-    UdpPair& operator=(const UdpPair&) = delete;
     int near() const { return ends_[0]; }
     int far() const { return ends_[1]; }
 
 private:
-    explicit UdpPair(int none) : ends_{none, none} {}
-    std::array<int, 2> ends_;
+    std::array<detail::Descriptor, 2> ends_;
 };
 
 using Packet = std::array<char, 512>;
@@ -104,8 +98,6 @@ public:
             }
         }
     }
-    Echoes(const Echoes&) = delete;
-    Echoes& operator=(const Echoes&) = delete;
 
     bool pingUdp(std::uint32_t number) {
         Packet packet{};

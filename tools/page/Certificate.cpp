@@ -19,6 +19,7 @@
 #include <cstring>
 #include <memory>
 
+#include "core/Descriptor.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 
@@ -155,26 +156,15 @@ std::string calcFingerprint(const Certificate& pair) {
     return print;
 }
 
-/** A descriptor that is closed at the end. */
-struct Open {
-    explicit Open(int opened) : number(opened) {}
-    ~Open() {
-        if (number >= 0) ::close(number);
-    }
-    Open(const Open&) = delete;
-    Open& operator=(const Open&) = delete;
-    const int number;
-};
-
 /** The text of a file that only its user may read, and nobody else has written; none: there is no file. */
 std::optional<std::string> readPrivate(const fs::path& file) {
-    const Open opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
-    if (opened.number < 0 && errno == ENOENT) return std::nullopt;
-    if (opened.number < 0)
+    const detail::Descriptor opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+    if (opened < 0 && errno == ENOENT) return std::nullopt;
+    if (opened < 0)
         throw fail(file, std::string("it cannot be read: ") + std::strerror(errno),
                    "Delete it, and the next start makes a new one.");
     struct ::stat status {};
-    if (::fstat(opened.number, &status) != 0 || !S_ISREG(status.st_mode) || status.st_uid != ::geteuid() ||
+    if (::fstat(opened, &status) != 0 || !S_ISREG(status.st_mode) || status.st_uid != ::geteuid() ||
         status.st_nlink != 1)
         throw fail(file, "it is no file of the user's own with this one name",
                    "Others may have put it there: delete it, and the next start makes a new one.");
@@ -184,7 +174,7 @@ std::optional<std::string> readPrivate(const fs::path& file) {
     std::string text;
     char bytes[4096];
     ssize_t count = 0;
-    while ((count = ::read(opened.number, bytes, sizeof bytes)) > 0 && text.size() < 1000000)
+    while ((count = ::read(opened, bytes, sizeof bytes)) > 0 && text.size() < 1000000)
         text.append(bytes, static_cast<std::size_t>(count));
     return text;
 }
@@ -195,9 +185,9 @@ void writePrivate(const fs::path& file, const std::string& text) {
     ::unlink(part.c_str());  // of a start that was killed
     int code = 0;
     {
-        const Open opened(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
-        code = opened.number < 0 ? errno : detail::writeAll(opened.number, text);
-        if (code == 0 && ::fsync(opened.number) != 0) code = errno;
+        const detail::Descriptor opened(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
+        code = opened < 0 ? errno : detail::writeAll(opened, text);
+        if (code == 0 && ::fsync(opened) != 0) code = errno;
     }
     if (code == 0 && ::rename(part.c_str(), file.c_str()) != 0) code = errno;
     if (code != 0)
@@ -227,8 +217,8 @@ Certificate readOrMakeCertificate(const fs::path& folder, const std::vector<std:
         throw fail(folder, "other users may change this folder, in which the page's private key is",
                    "Make it yours alone (chmod 700), or name another one in XDG_STATE_HOME.");
     const fs::path lockFile = folder / "page_lock";
-    const Open lock(::open(lockFile.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));  // one start at a time
-    if (lock.number < 0 || ::flock(lock.number, LOCK_EX) != 0)
+    const detail::Descriptor lock(::open(lockFile.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));  // one start at a time
+    if (lock < 0 || ::flock(lock, LOCK_EX) != 0)
         throw fail(lockFile, std::string("it cannot be locked: ") + std::strerror(errno),
                    "Make its folder writable, or name another one in XDG_STATE_HOME.");
 

@@ -67,8 +67,6 @@ public:
     PageServer(PageOptions options, std::shared_ptr<TeleoperationFeed> hand, std::function<void(PageWish)> request);
     /** Viewers get what was told and shown last, if they read it within kClosing_s. */
     ~PageServer();
-    PageServer(const PageServer&) = delete;
-    PageServer& operator=(const PageServer&) = delete;
 
     unsigned short port() const;
     /** The page's address with a token that lets one browser in. Of those that nobody used, the last 16 count; of each viewer's

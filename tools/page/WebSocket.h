@@ -54,8 +54,6 @@ public:
 
     explicit WebSocket(TlsStream&& stream);
     ~WebSocket();
-    WebSocket(const WebSocket&) = delete;
-    WebSocket& operator=(const WebSocket&) = delete;
 
     /** Answers a request for it. @param protocol  of the answer */
     void accept(const Request& request, const std::string& protocol, std::function<void(Error)> then);

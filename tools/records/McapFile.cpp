@@ -69,18 +69,14 @@ std::string quote(std::string_view text) {
 
 McapFile::McapFile(const std::filesystem::path& file, std::string remedy)
     : file_(file.string()), remedy_(std::move(remedy)) {
-    opened_.descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    opened_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat info {};
-    if (opened_.descriptor < 0 || ::fstat(opened_.descriptor, &info) != 0)
+    if (opened_ < 0 || ::fstat(opened_, &info) != 0)
         throw badInput(file_, "the log cannot be opened: " + std::generic_category().message(errno), "Check the path");
     if (!S_ISREG(info.st_mode)) throw badInput(file_, "not a file", "Give a log");
     size_ = static_cast<std::uint64_t>(info.st_size);
     findEnd();
     readHeader();
-}
-
-McapFile::Opened::~Opened() {
-    if (descriptor >= 0) ::close(descriptor);
 }
 
 void McapFile::failAt(std::uint64_t offset, const std::string& reason) const {
@@ -96,7 +92,7 @@ void McapFile::readAt(std::uint64_t offset, std::uint64_t length, std::string& t
     to.resize(static_cast<std::size_t>(length));
     std::size_t got = 0;
     while (got < to.size()) {
-        const ssize_t taken = ::pread(opened_.descriptor, &to[got], to.size() - got, static_cast<off_t>(offset + got));
+        const ssize_t taken = ::pread(opened_, &to[got], to.size() - got, static_cast<off_t>(offset + got));
         if (taken < 0 && errno == EINTR) continue;
         if (taken < 0) failAt(offset + got, "cannot be read: " + std::generic_category().message(errno));
         if (taken == 0) failAt(offset + got, "the file has become shorter while it was read");

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "core/Descriptor.h"
 #include "log/Mcap.h"
 
 namespace viable::mcap {
@@ -59,10 +60,7 @@ private:
     void readDataEnd();
 
     std::string file_, remedy_;
-    struct Opened {
-        ~Opened();
-        int descriptor = -1;
-    } opened_;
+    detail::Descriptor opened_;
     std::uint64_t size_ = 0;
     std::uint64_t dataEnd_ = 0;  // where the data section ends at the latest
     bool isComplete_ = false;

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <nlohmann/json.hpp>
 
+#include "core/Descriptor.h"
 #include "core/Text.h"
 
 namespace viable {
@@ -72,13 +73,12 @@ struct SweepStore::Impl {
     sqlite3* base = nullptr;
     sqlite3_stmt* insert = nullptr;
     mutable sqlite3_stmt* select = nullptr;
-    int lock = -1;
+    detail::Descriptor lock;
 
     ~Impl() {
         sqlite3_finalize(insert);
         sqlite3_finalize(select);
         sqlite3_close(base);
-        if (lock >= 0) ::close(lock);
     }
 
     [[noreturn]] void fail(const std::string& what) const {
@@ -361,7 +361,7 @@ bool SweepStore::next(SweepRow& row) const {
 }
 
 void SweepStore::abandon() {
-    if (impl_->lock >= 0) ::close(impl_->lock);
+    impl_->lock = -1;
     impl_.release();
 }
 

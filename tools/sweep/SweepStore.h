@@ -47,8 +47,6 @@ public:
     /** Opens one that is there, to read. */
     explicit SweepStore(const std::filesystem::path& folder);
     ~SweepStore();
-    SweepStore(const SweepStore&) = delete;
-    SweepStore& operator=(const SweepStore&) = delete;
 
     const SweepPlan& plan() const;
     const std::filesystem::path& folder() const;

@@ -123,10 +123,6 @@ void BrakingCertificate::skipTicks(std::int64_t ticks) {
     knowsExpected_ = knowsExpected_ && ticks <= 0;
 }
 
-void BrakingCertificate::followStored() {
-    expected_ = advance(expected_, stored_.popJerk(), tick_s_);
-}
-
 void BrakingCertificate::reset(const AxisState& state) {
     state_ = state;
     knowsExpected_ = false;

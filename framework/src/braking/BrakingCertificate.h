@@ -101,7 +101,7 @@ private:
     const Candidate* findCandidate(double jerk) const;
     bool keepsBounds(const GridStop& stop, const AxisState& from, const PathExtremes& before) const;
     void checkStop();
-    void followStored();
+    void followStored() { expected_ = advance(expected_, stored_.popJerk(), tick_s_); }
     bool isExpected(const AxisState& state) const;
     bool tryTick(double jerk, Candidate& candidate, PathExtremes& path) const;
     bool certify(double jerk, const GridStop& stop, Candidate& candidate) const;

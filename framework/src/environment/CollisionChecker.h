@@ -19,9 +19,6 @@ public:
     CollisionChecker(const RobotDescription& robot, const ArmGeometry& geometry, const Environment& environment);
     ~CollisionChecker();
 
-    CollisionChecker(const CollisionChecker&) = delete;
-    CollisionChecker& operator=(const CollisionChecker&) = delete;
-
     static constexpr double kAccuracy_m = 1e-9;
     static constexpr double kMostHorizon_m = 1.0;
 

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "core/ChildProcess.h"
+#include "core/Descriptor.h"
 #include "core/Text.h"
 
 namespace viable {
@@ -42,11 +43,6 @@ public:
     SharedState() : folder_(::open(".", O_PATH | O_DIRECTORY | O_CLOEXEC)), locale_(readLocale()) {
         for (int signal = 1; signal < NSIG; ++signal) actions_[signal] = readAction(signal);
     }
-    ~SharedState() {
-        if (folder_ >= 0) ::close(folder_);
-    }
-    SharedState(const SharedState&) = delete;
-    SharedState& operator=(const SharedState&) = delete;
 
     void restore(std::string& text) const {
         const std::string locale = readLocale();  // that of C++ brings its own along
@@ -75,7 +71,7 @@ public:
     }
 
 private:
-    int folder_;
+    detail::Descriptor folder_;
     std::string locale_;
     std::locale cxxLocale_;
     std::array<std::optional<struct sigaction>, NSIG> actions_;

@@ -24,8 +24,6 @@ public:
     explicit Recorder(std::unique_ptr<RowWriter> writer, std::size_t capacity = kRecorderCapacity);
     /** finish(), its status unseen. */
     ~Recorder();
-    Recorder(const Recorder&) = delete;
-    Recorder& operator=(const Recorder&) = delete;
 
     /** Hands over a row. False when the writer is behind by the whole capacity: the row was not
     taken. A simulation then yields and tries again; a real-time loop counts it. Not after finish().

@@ -55,8 +55,6 @@ public:
     /** @param clock  of receipt [s], rising; empty: the computer's steady clock */
     explicit TeleoperationFeed(std::function<double()> clock = {});
     ~TeleoperationFeed();
-    TeleoperationFeed(const TeleoperationFeed&) = delete;
-    TeleoperationFeed& operator=(const TeleoperationFeed&) = delete;
 
     double now() const { return clock_(); }
 

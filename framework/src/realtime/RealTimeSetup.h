@@ -57,8 +57,6 @@ public:
     RealTimeState() = default;
     RealTimeState(RealTimeState&& other) noexcept;
     RealTimeState& operator=(RealTimeState&& other) noexcept;
-    RealTimeState(const RealTimeState&) = delete;
-    RealTimeState& operator=(const RealTimeState&) = delete;
     ~RealTimeState() { leave(); }
 
     /** It has a priority, and all that was wished for. The file of latencies, which nobody wished for, may be missing. */

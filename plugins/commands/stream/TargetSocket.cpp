@@ -88,38 +88,30 @@ TargetSocket::TargetSocket(fs::path base) : base_(std::move(base)) {
     const sockaddr_un address = makeAddress(path);
     lock_ = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (lock_ < 0) throw makeSystemError(lock, "it cannot be made");
-    const auto fail = [&](const Error& error) {
-        if (socket_ >= 0) ::close(socket_);
-        ::close(lock_);
-        throw error;
-    };
     if (::flock(lock_, LOCK_EX | LOCK_NB) != 0)
-        fail(makeError(path, "another program of viable listens there",
-                       "End that one, or give this one another `name`."));
+        throw makeError(path, "another program of viable listens there",
+                        "End that one, or give this one another `name`.");
     for (const std::string& left : {base_.string() + ".json", path}) ::unlink(left.c_str());  // by one that has ended
     socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (socket_ < 0 || ::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
         ::chmod(path.c_str(), 0600) != 0)
-        fail(makeSystemError(path, "it cannot be opened"));
+        throw makeSystemError(path, "it cannot be opened");
     if (::getrandom(token_.data(), token_.size(), 0) != static_cast<ssize_t>(token_.size()))
-        fail(makeSystemError(path, "there are no random numbers for a token"));
+        throw makeSystemError(path, "there are no random numbers for a token");
 }
 
 TargetSocket::~TargetSocket() {
     ::unlink((base_.string() + ".json").c_str());
     ::unlink((base_.string() + ".socket").c_str());
-    ::close(socket_);
-    ::close(lock_);
 }
 
 void TargetSocket::describe(const std::string& content) const {
     const std::string file = base_.string() + ".json", made = file + ".new";
     const std::string text = "{\"token\": \"" + formatToken(token_) + "\", " + content + "}\n";
     ::unlink(made.c_str());
-    const int descriptor = ::open(made.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    const detail::Descriptor descriptor(::open(made.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
     const bool isWritten =
         descriptor >= 0 && ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size());
-    if (descriptor >= 0) ::close(descriptor);
     if (!isWritten || ::rename(made.c_str(), file.c_str()) != 0) throw makeSystemError(file, "it cannot be written");
 }
 

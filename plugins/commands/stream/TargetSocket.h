@@ -10,6 +10,8 @@
 #include <memory>
 #include <string>
 
+#include "core/Descriptor.h"
+
 namespace viable {
 
 /** The place where targets arrive: a Unix datagram socket NAME.socket in a folder of this user alone, and NAME.json beside
@@ -26,8 +28,6 @@ public:
     of this process, has it. */
     static std::shared_ptr<TargetSocket> open(const std::string& name);
     ~TargetSocket();
-    TargetSocket(const TargetSocket&) = delete;
-    TargetSocket& operator=(const TargetSocket&) = delete;
 
     static std::filesystem::path findFolder();
 
@@ -46,7 +46,7 @@ private:
     explicit TargetSocket(std::filesystem::path base);
 
     const std::filesystem::path base_;  // without extension
-    int lock_ = -1, socket_ = -1;
+    detail::Descriptor lock_, socket_;
     Token token_{};
     sockaddr_un sender_{};
     socklen_t senderSize_ = 0;

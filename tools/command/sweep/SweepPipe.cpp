@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "core/ChildProcess.h"
+#include "core/WholeFile.h"
 
 namespace viable {
 
@@ -16,17 +17,7 @@ bool writeFrame(int pipe, const std::string& message) {
     const std::uint64_t size = message.size();
     std::string bytes(reinterpret_cast<const char*>(&size), sizeof size);
     bytes += message;
-    for (std::size_t at = 0; at < bytes.size();) {
-        const ssize_t written = ::write(pipe, bytes.data() + at, bytes.size() - at);
-        if (written < 0 && errno == EINTR) continue;
-        if (written <= 0) return false;
-        at += static_cast<std::size_t>(written);
-    }
-    return true;
-}
-
-FrameReader::~FrameReader() {
-    ::close(pipe_);
+    return detail::writeAll(pipe, bytes) == 0;
 }
 
 bool FrameReader::fill(int timeout_ms) {
@@ -99,7 +90,6 @@ bool PipedProcess::hasEnded() {
 }
 
 void PipedProcess::finish() {
-    if (to_ >= 0) ::close(to_);
     to_ = -1;
     while (pid_ > 0 && waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
     }

@@ -6,6 +6,8 @@
 #include <optional>
 #include <string>
 
+#include "core/Descriptor.h"
+
 namespace viable {
 
 /** Writes a message into a pipe, its length first. False: nobody reads there any more. */
@@ -16,9 +18,6 @@ class FrameReader {
 public:
     /** @param pipe  closed by the destructor */
     explicit FrameReader(int pipe) : pipe_(pipe) {}
-    ~FrameReader();
-    FrameReader(const FrameReader&) = delete;
-    FrameReader& operator=(const FrameReader&) = delete;
 
     /** Reads what is there, after at most `timeout_ms` (-1: whatever it takes). False: nothing came. */
     bool fill(int timeout_ms);
@@ -28,7 +27,7 @@ public:
     bool isClosed() const { return isClosed_; }
 
 private:
-    const int pipe_;
+    const detail::Descriptor pipe_;
     bool isClosed_ = false;
     std::string buffer_;
     std::size_t at_ = 0;  // what lies before was taken
@@ -58,7 +57,7 @@ public:
 
 private:
     pid_t pid_ = -1;  // -1: ended
-    int to_ = -1;
+    detail::Descriptor to_;
     std::optional<FrameReader> messages_;
     int status_ = 0;
 };
