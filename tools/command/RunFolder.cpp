@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <csignal>
@@ -13,7 +12,6 @@
 #include "Commands.h"
 #include "CrashHandler.h"
 #include "Progress.h"
-#include "core/Descriptor.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
 #include "records/WorkShare.h"

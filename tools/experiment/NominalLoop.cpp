@@ -3,7 +3,6 @@
 #include "experiment/TrialTick.h"
 #include "host/PythonClass.h"
 #include "summary/Summary.h"
-#include "viable/loop/NominalPlant.h"
 
 namespace viable::detail {
 

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <lz4frame.h>
 #include <sys/stat.h>
-#include <unistd.h>
 #include <zlib.h>
 #include <zstd.h>
 
@@ -11,7 +10,6 @@
 #include <cerrno>
 #include <memory>
 #include <system_error>
-#include <utility>
 
 #include "records/WorkShare.h"
 #include "viable/core/Error.h"

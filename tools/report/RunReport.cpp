@@ -820,11 +820,10 @@ std::vector<Arm> groupByArm(const std::vector<fs::path>& logs) {
 }
 
 /** The joints as the page wants them; which of them slide is in the log. */
-json describeJoints(const LogReader& reader) {
-    const std::vector<std::string> sliding =
-        readLogMetadata(reader.metadata(), reader.layout().jointNames).prismaticJoints;
+json describeJoints(const OpenLog& log) {
+    const std::vector<std::string>& sliding = log.metadata.prismaticJoints;
     json joints = json::array();
-    for (const std::string& name : reader.layout().jointNames) {
+    for (const std::string& name : log.reader.layout().jointNames) {
         const bool slides = std::find(sliding.begin(), sliding.end(), name) != sliding.end();
         joints.push_back({{"name", name}, {"kind", slides ? "prismatic" : "revolute"}});
     }
@@ -846,13 +845,12 @@ std::string findTitle(const std::vector<std::string>& files) {
 class Environments {
 public:
     /** The index of the surroundings of a log's case; null where it has none.
-    @param file  the resolved experiment file of the case */
-    json add(const LogReader& reader, const std::string& file, const fs::path& robot, BinaryBlock& block) {
+    @param map  the hash of its map. @param file  the resolved experiment file of the case */
+    json add(const std::string& map, const std::string& file, const fs::path& robot, BinaryBlock& block) {
         try {
             const ConfigNode root = parseConfig(file, "experiment.yaml");
             const ConfigNode* environment = root.find("environment");
             if (!environment) return nullptr;
-            const std::string map = readLogMetadata(reader.metadata(), reader.layout().jointNames).mapSha256;
             const auto [known, isNew] = indices_.emplace(map + writeConfig(*environment), nullptr);
             if (!isNew) return known->second;
             json one = detail::describeEnvironment(*environment, map, robot, block);
@@ -887,8 +885,7 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
         detail::forEachAtOnce(logs.size(), [&](std::size_t i) { logs[i].readRows(); });
         for (const OpenLog& log : logs) {
             if (data["robot"].is_null()) {
-                data["robot"] = {{"name", fs::path(arm.robot).filename().string()},
-                                 {"joints", describeJoints(log.reader)}};
+                data["robot"] = {{"name", fs::path(arm.robot).filename().string()}, {"joints", describeJoints(log)}};
                 data["scene"] = detail::describeScene(arm.robot, block, data["robot"]["joints"]);
             }
             json& one = data["cases"].emplace_back(describeCase(log, summary, block));
@@ -896,7 +893,8 @@ fs::path composeReport(const fs::path& folder, const std::string& fileName, cons
                 if (attachment.name != "experiment.yaml") continue;
                 yaml.push_back(attachment.data);
                 if (one.contains("clearance"))
-                    one["clearance"]["environment"] = environments.add(log.reader, attachment.data, arm.robot, block);
+                    one["clearance"]["environment"] =
+                        environments.add(log.metadata.mapSha256, attachment.data, arm.robot, block);
             }
         }
     }

@@ -1,7 +1,6 @@
 #include "loop/ControlLoop.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 
 #include "core/FarthestJoint.h"
 #include "core/Text.h"

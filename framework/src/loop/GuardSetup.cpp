@@ -1,7 +1,6 @@
 #include "loop/GuardSetup.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 
 #include "core/Text.h"
 

@@ -58,11 +58,16 @@ export function duration(us) {
   return `${Number((us / size).toPrecision(3))} ${unit}`;
 }
 
-/** Round numbers between min and max, about `count` of them. */
-export function ticks(min, max, count) {
+/** A round step of about (max - min) / count: one of the factors times a power of ten. */
+export function roundStep(min, max, count, factors) {
   const rough = (max - min) / Math.max(1, count);
   const power = 10 ** Math.floor(Math.log10(rough));
-  const increment = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= rough * 0.999);
+  return factors.map((factor) => factor * power).find((step) => step >= rough * 0.999);
+}
+
+/** Round numbers between min and max, about `count` of them. */
+export function ticks(min, max, count) {
+  const increment = roundStep(min, max, count, [1, 2, 5, 10]);
   const values = [];
   for (let i = Math.ceil(min / increment - 1e-9); i * increment <= max + increment * 1e-9; ++i)
     values.push(i * increment);

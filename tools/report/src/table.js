@@ -1,6 +1,6 @@
 import { button, el, swatch, table, titles, verdictItem, verdicts } from './dom.js';
 import { fixed, inNewtons, moment, number, seconds } from './format.js';
-import { limitsIn } from './data.js';
+import { JUDGED, limitsIn } from './data.js';
 import { ALL_CASES } from './state.js';
 
 /** Title, origin and verdicts of the run. */
@@ -72,11 +72,9 @@ export function fillSummary(host, run) {
 }
 
 const NUMBER = /^\s*([-–—]|inf|no limit|[-–−+]?[\d.,]+(e[-+]?\d+)?(\s*(%|[a-zµ°]+))?(, [\d.]+°)?)?\s*$/i;
+const worstUse = (name) => [name, `Worst use of the ${name} limits by the nominal arm; beyond 100 % a limit is broken`];
 const MEANINGS = {
-  position: 'Worst use of the position limits by the nominal arm; beyond 100 % a limit is broken',
-  velocity: 'Worst use of the velocity limits by the nominal arm; beyond 100 % a limit is broken',
-  acceleration: 'Worst use of the acceleration limits by the nominal arm; beyond 100 % a limit is broken',
-  jerk: 'Worst use of the jerk limits by the nominal arm; beyond 100 % a limit is broken',
+  ...Object.fromEntries(JUDGED.map(worstUse)),
   outside: 'Ticks beyond any limit, counted per joint',
   infeasible: 'Ticks without an admissible choice',
   changed: 'Share of ticks that the filter changed',

@@ -87,6 +87,9 @@ function inOrder({ y, pairs }) {
   };
 }
 
+/** Where a value is drawn: far outside is far enough, and endless lines are slow. */
+const nearPlot = (value, { top, height, toY }) => Math.min(Math.max(toY(value), top - 20 * height), top + 21 * height);
+
 /**
  * Draws the part of a series in view. Where a pixel column holds many samples, a line from its first to its last is
  * drawn, by its least and largest if these are further: the picture is the same, the work is bounded by the width. A
@@ -96,9 +99,7 @@ export function trace(sink, samples, frame, stepped = false) {
   const [first, last] = inView(samples, frame.xMin, frame.xMax);
   const { x0, dx, y } = samples;
   const { toX } = frame;
-  const low = frame.top - 20 * frame.height; // far outside is far enough, and endless lines are slow
-  const high = frame.top + 21 * frame.height;
-  const toY = (value) => Math.min(Math.max(frame.toY(value), low), high);
+  const toY = (value) => nearPlot(value, frame);
   const valueAt = inOrder(samples);
 
   if (!isDense(samples, frame)) {
@@ -177,9 +178,6 @@ export function envelope(sink, samples, frame) {
 /** Goes round what is between two lines; `at` gives time, lower and upper value of each index from first to last. */
 function goRound(sink, [first, last], at, frame) {
   const { pixel = 1 } = frame;
-  const top = frame.top - 20 * frame.height; // far outside is far enough
-  const bottom = frame.top + 21 * frame.height;
-  const toY = (value) => Math.min(Math.max(frame.toY(value), top), bottom);
   let edge = []; // per pixel column, or per sample if these are fewer: x, lower and upper end
   const close = () => {
     edge.forEach(([x, , upper], i) => (i === 0 ? sink.moveTo(x, upper) : sink.lineTo(x, upper)));
@@ -193,8 +191,7 @@ function goRound(sink, [first, last], at, frame) {
       continue;
     }
     const x = frame.toX(time);
-    const lower = toY(least);
-    const upper = toY(most);
+    const [lower, upper] = [least, most].map((value) => nearPlot(value, frame));
     const column = edge.at(-1);
     if (column && x - column[0] < pixel) {
       column[1] = Math.max(column[1], lower);

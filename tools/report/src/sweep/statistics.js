@@ -1,4 +1,5 @@
 // Statistics over columns of numbers; NaN: no value. Nothing here knows of the page.
+import { roundStep } from '../format.js';
 
 /** The indices of the finite values, in the order of their values. @returns {Uint32Array} */
 export function orderOf(values) {
@@ -85,20 +86,13 @@ export function quantile(sorted, share) {
   return sorted[low] + (at - low) * (sorted[high] - sorted[low]);
 }
 
-/** A round step of about (max - min) / count. */
-export function roundStep(min, max, count) {
-  const rough = (max - min) / Math.max(1, count);
-  const power = 10 ** Math.floor(Math.log10(rough));
-  return [1, 2, 2.5, 5, 10].map((factor) => factor * power).find((step) => step >= rough * 0.999);
-}
-
 /** Bins of equal width on round numbers that hold all from min to max: {start, step, count}. */
 export function binsOf(min, max, count) {
   if (!(max > min)) {
     const step = Math.abs(min) * 0.02 || 1;
     return { start: min - step / 2, step, count: 1 };
   }
-  const step = roundStep(min, max, count);
+  const step = roundStep(min, max, count, [1, 2, 2.5, 5, 10]);
   const start = Math.floor(min / step + 1e-9) * step;
   return { start, step, count: Math.max(1, Math.floor((max - start) / step + 1e-9) + 1) };
 }
