@@ -23,8 +23,7 @@ constexpr int kNameWidth = 40, kLeastNumberWidth = 11;
 void printRow(const std::string& name, const JointVector& values, int width, double factor = 1.0) {
     std::printf("  %-*s", kNameWidth, name.c_str());
     for (double value : values) {
-        const std::string text = std::isfinite(value) ? detail::format("%.3g", factor * value) : "-";
-        std::printf("%*s", width, text.c_str());
+        std::printf("%*s", width, (std::isfinite(value) ? detail::format("%.3g", factor * value) : "-").c_str());
     }
     std::printf("\n");
 }

@@ -114,9 +114,8 @@ void addCheckCommand(CLI::App& app, int&) {
         const PluginLoader loader(PluginLoader::makeDefaultSearchPath());
         const ConfigNode root = readExperimentTree(arguments->file, arguments->overrides);
         const std::vector<DrawnKey> draws = listDraws(root);
-        const bool isDrawn = !draws.empty() && arguments->draw.empty();
         const int warnings =
-            isDrawn
+            !draws.empty() && arguments->draw.empty()
                 ? checkDraws(*arguments, root, draws, loader)
                 : checkOne(readDrawnExperiment(arguments->file, arguments->overrides, arguments->draw, loader), true);
         if (warnings == 0)

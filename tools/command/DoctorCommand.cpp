@@ -84,9 +84,8 @@ void printTable(const Measurement& measured, double load) {
     constexpr int kName = 31, kHalf = 39;
     std::printf("\nMeasured for %g s at a tick of %g ms, in turns, beside a load of %.1f on %u processors:\n\n",
                 measured.duration_s, 1e3 * measured.tick_s, load, std::thread::hardware_concurrency());
-    const bool hasPriority = measured.grantedPriority > 0;
     std::printf("%-*s   %-*s   %s\n", kName, "", kHalf, "without priority",
-                hasPriority ? describeGranted(measured).c_str() : "with priority: refused");
+                measured.grantedPriority > 0 ? describeGranted(measured).c_str() : "with priority: refused");
     const std::string head = detail::format("%9s %9s %9s %9s", "p50", "p99", "p99.9", "worst");
     std::printf("%-*s   %s   %s\n", kName, "[us]", head.c_str(), head.c_str());
     const auto printRow = [&](const char* name, LatencyHistogram LoopTimes::*times) {

@@ -126,9 +126,8 @@ private:
         const std::string& version = answers_.kernelVersion;
         const bool isNamed =
             version.find("PREEMPT_RT") != std::string::npos || version.find("PREEMPT RT") != std::string::npos;
-        const auto flag = read("sys/kernel/realtime");
         std::string found = answers_.kernelRelease + ", ";
-        if (isNamed || flag == "1")
+        if (isNamed || read("sys/kernel/realtime") == "1")
             return add("kernel", found + (isNamed ? "PREEMPT_RT" : "PREEMPT_RT by /sys/kernel/realtime"),
                        MachineLevel::Good);
         const bool isUbuntu = readWhole(root_ / "etc/os-release").value_or("").find("ID=ubuntu") != std::string::npos;

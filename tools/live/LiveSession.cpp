@@ -130,8 +130,7 @@ bool LiveSession::getEvent(std::size_t index, LiveEvent& event) const {
 void LiveSession::changeTo(LiveState state, LiveAsker asker) {
     state_ = state;
     const std::size_t count = eventCount_.load(std::memory_order_relaxed);
-    const std::size_t places = state < LiveState::Stopping ? kMaxEvents - 2 : kMaxEvents;
-    if (count >= places) return;
+    if (count >= (state < LiveState::Stopping ? kMaxEvents - 2 : kMaxEvents)) return;
     events_[count] = {state, asker, running_.loop().time()};
     eventCount_.store(count + 1, std::memory_order_release);
 }

@@ -82,8 +82,7 @@ fs::path findInside(const fs::path& folder, const fs::path& path) {
     std::error_code failed;
     const fs::path file = folder / path.relative_path();
     const fs::path inside = fs::weakly_canonical(file, failed).lexically_relative(fs::weakly_canonical(folder, failed));
-    const bool isInside = !inside.empty() && *inside.begin() != "..";
-    return isInside && fs::is_regular_file(file, failed) ? file : fs::path();
+    return !inside.empty() && *inside.begin() != ".." && fs::is_regular_file(file, failed) ? file : fs::path();
 }
 
 fs::path dropFirst(const fs::path& path) {

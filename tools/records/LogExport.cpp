@@ -15,8 +15,7 @@ constexpr std::size_t kBlock = 1 << 20;  // [bytes] written at once
 template <class Number>
 void appendNumber(std::string& line, Number value) {
     char digits[32];
-    const auto result = std::to_chars(digits, digits + sizeof(digits), value);
-    line.append(digits, result.ptr);
+    line.append(digits, std::to_chars(digits, digits + sizeof(digits), value).ptr);
 }
 
 }  // namespace

@@ -540,8 +540,7 @@ std::string listDifferences(const CaseResult& a, const CaseResult& b) {
     std::string list;
     for (const std::string& key : keys) {
         const auto mine = a.others.find(key), theirs = b.others.find(key);
-        const bool isSame = mine != a.others.end() && theirs != b.others.end() && mine->second == theirs->second;
-        if (!isSame) addItem(list, key);
+        if (!(mine != a.others.end() && theirs != b.others.end() && mine->second == theirs->second)) addItem(list, key);
     }
     return list;
 }

@@ -29,8 +29,7 @@ const char* getName(SweepColumn::Kind kind) {
 
 /** Text columns are TEXT. The rest keeps what it is given: a draw is a number or a word. */
 std::string getSqlType(const SweepColumn& column) {
-    const bool isText = column.name == "status" || column.name == "message" || column.name == "replay";
-    return isText ? " TEXT" : "";
+    return column.name == "status" || column.name == "message" || column.name == "replay" ? " TEXT" : "";
 }
 
 std::string dump(const Json& json) {

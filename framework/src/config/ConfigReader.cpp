@@ -106,8 +106,7 @@ std::string cleanText(const std::string& raw, const std::string& fileName) {
     bool isIndentation = true;
     int openBrackets = 0;
     int commas = 0;
-    const std::size_t start = raw.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0;
-    for (std::size_t i = start; i < raw.size();) {
+    for (std::size_t i = raw.compare(0, 3, "\xEF\xBB\xBF") == 0 ? 3 : 0; i < raw.size();) {
         const auto byte = static_cast<unsigned char>(raw[i]);
         const std::size_t size = findCharacterSize(raw, i);
         if (size == 0)
@@ -473,8 +472,7 @@ ConfigNode detail::parseYaml(const std::string& raw, const std::string& fileName
         while (parser.HandleNextDocument(builder)) {
         }
     } catch (const YAML::Exception& problem) {
-        const bool hasPlace = !problem.mark.is_null();
-        const Position at = hasPlace ? builder.calcPosition(problem.mark) : Position{};
+        const Position at = problem.mark.is_null() ? Position{} : builder.calcPosition(problem.mark);
         throw explain(problem, formatPlace(fileName, at, keyPath));
     }
     if (!builder.hasDocument())

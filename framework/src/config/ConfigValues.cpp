@@ -207,8 +207,7 @@ private:
             // only through its exponent, whose sign says at which end.
             const std::string literal(first, last);
             const std::size_t exponent = literal.find_first_of("eE");
-            const bool isSmall = exponent != std::string::npos && literal.compare(exponent + 1, 1, "-") == 0;
-            value = isSmall ? 0.0 : kInfinity;
+            value = exponent != std::string::npos && literal.compare(exponent + 1, 1, "-") == 0 ? 0.0 : kInfinity;
         }
         return check(value, isZero);
     }

@@ -172,8 +172,7 @@ public:
             for (std::string& choice : d.choices) choice = unquote(choice);
             return d;
         }
-        const bool mayBeCut = d.kind == Kind::Normal;
-        if (arguments.size() != 2 && !(mayBeCut && arguments.size() == 4))
+        if (arguments.size() != 2 && !(d.kind == Kind::Normal && arguments.size() == 4))
             fail(quoteText(node_.text) + " has " + std::to_string(arguments.size()) +
                      (arguments.size() == 1 ? " number" : " numbers"),
                  kForms);
@@ -232,8 +231,7 @@ private:
             try {
                 const double number = toNumber(makeNode(text));
                 // Whole ones as written: a large one has more digits than a double.
-                const bool isWhole = read.ec == std::errc() && read.ptr == end;
-                numbers.push_back(isWhole ? text : formatNumber(number));
+                numbers.push_back(read.ec == std::errc() && read.ptr == end ? text : formatNumber(number));
             } catch (const Error&) {
                 return false;
             }

@@ -39,8 +39,7 @@ Json makeNumberOrText(const std::string& text) {
     double value = 0.0;
     const char* end = text.data() + text.size();
     const auto result = std::from_chars(text.data(), end, value);
-    const bool isNumber = result.ec == std::errc() && result.ptr == end && std::isfinite(value);
-    return isNumber ? Json(value) : Json(text);
+    return result.ec == std::errc() && result.ptr == end && std::isfinite(value) ? Json(value) : Json(text);
 }
 
 Json makeNodeJson(const ConfigNode& node) {
@@ -236,8 +235,7 @@ Json describeAsJson(const ParameterSpec& spec) {
     if (const std::vector<std::string> words = getWords(spec); !words.empty()) json["words"] = words;
     if (spec.type == ParameterType::Numbers || spec.type == ParameterType::Rows) {
         json["min_count"] = spec.minCount;
-        const bool isBounded = spec.maxCount < std::numeric_limits<int>::max();
-        json["max_count"] = isBounded ? Json(spec.maxCount) : Json(nullptr);
+        json["max_count"] = spec.maxCount < std::numeric_limits<int>::max() ? Json(spec.maxCount) : Json(nullptr);
     }
     json["help"] = getText(spec.help);
     return json;

@@ -26,8 +26,7 @@ Eigen::Vector3d calcRotationVector(const Eigen::Quaterniond& q) {
     const double sign = q.w() < 0.0 ? -1.0 : 1.0;
     // atan2(s, w) = s/w - s^3/(3 w^3) + ... ; the series would need w = 1, so divide only where the
     // quotient is defined.
-    const double factor = s > 0.0 ? 2.0 * std::atan2(s, w) / s : 2.0;
-    return sign * factor * q.vec();
+    return sign * (s > 0.0 ? 2.0 * std::atan2(s, w) / s : 2.0) * q.vec();
 }
 
 Eigen::Vector3d calcAngularVelocity(const Eigen::Vector3d& r, const Eigen::Vector3d& rRate) {

@@ -29,8 +29,7 @@ namespace detail {
 
 std::string formatNumber(double value) {
     char buffer[32];
-    const auto result = std::to_chars(buffer, buffer + sizeof(buffer), value);
-    return std::string(buffer, result.ptr);
+    return std::string(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr);
 }
 
 std::string formatPercent(double share) {

@@ -15,8 +15,7 @@ using detail::Json;
 /** What may stand there, in a cell of a table. */
 std::string describeValue(const ParameterSpec& spec) {
     const std::string range = spec.range().text();
-    const bool isBounded = range != NumberRange().text();
-    const std::string inRange = isBounded ? " in " + range : "";
+    const std::string inRange = range != NumberRange().text() ? " in " + range : "";
     std::string orWords;
     for (const std::string& word : detail::getWords(spec)) orWords += ", or `" + word + "`";
     switch (spec.type) {

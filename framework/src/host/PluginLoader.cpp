@@ -159,8 +159,7 @@ void checkElf(const fs::path& file) {
 
     const FileHeader header = readHeader(file);
     if (header.size == 0) throw Refusal{"it is empty (0 bytes)", "Build it again"};
-    const std::size_t magicSize = std::min<std::size_t>(header.start.size(), SELFMAG);
-    if (std::memcmp(header.start.data(), ELFMAG, magicSize) != 0)
+    if (std::memcmp(header.start.data(), ELFMAG, std::min<std::size_t>(header.start.size(), SELFMAG)) != 0)
         throw Refusal{"it is not a shared library (no ELF file); the dynamic linker says: " + askDynamicLinker(file),
                       "Build the plugin with viable_add_plugin()"};
     const std::string cutOff = "it is cut off: ";

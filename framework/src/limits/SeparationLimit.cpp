@@ -58,8 +58,7 @@ bool isExcused(const Person& person, double t) {
     const double grace_s = kGrace_s + person.latency_s;
     if (const double seen_s = findNextSeen(person, 0.0); seen_s > 0.0 && t < seen_s + grace_s) return true;
     const double begin_s = person.walk.front().time_s, period_s = person.walk.back().time_s - begin_s;
-    const bool laps = person.repeats && period_s > 0.0 && t > begin_s;
-    const double lap = laps ? std::floor((t - begin_s) / period_s) : 0.0;
+    const double lap = person.repeats && period_s > 0.0 && t > begin_s ? std::floor((t - begin_s) / period_s) : 0.0;
     for (std::size_t i = 1; i < person.walk.size(); ++i) {
         const Person::Waypoint &from = person.walk[i - 1], &to = person.walk[i];
         const double speed = (to.position - from.position).norm() / (to.time_s - from.time_s);

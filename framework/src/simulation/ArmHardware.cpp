@@ -16,8 +16,7 @@ double FrictionLaw::calcDry(double v, double load) const {
 
 double FrictionLaw::calcDamping(double v) const {
     const double x = std::abs(v) / viscousVelocity;
-    const double share = x > 0.0 ? -std::expm1(-x) / x : 1.0;
-    return viscous / viscousVelocity * share;
+    return viscous / viscousVelocity * (x > 0.0 ? -std::expm1(-x) / x : 1.0);
 }
 
 void ArmHardware::configure(const RunSetup& setup, const ArmHardwareOptions& options, const Parameters& parameters) {
@@ -75,8 +74,7 @@ void ArmHardware::reset(const JointState& start) {
 }
 
 void ArmHardware::calcApplied(const JointVector& command, JointVector& applied) const {
-    const bool isUnderWay = delay_ > 0 && tick_ > 0;
-    const JointVector& arriving = isUnderWay ? sent_[oldest_] : command;
+    const JointVector& arriving = delay_ > 0 && tick_ > 0 ? sent_[oldest_] : command;
     applied = arriving.cwiseMax(-torqueLimit_).cwiseMin(torqueLimit_);
 }
 

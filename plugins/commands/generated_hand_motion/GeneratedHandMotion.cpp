@@ -24,8 +24,7 @@ public:
         engine_.seed(words);
     }
     double between(double low, double high) {
-        const double unit = static_cast<double>(engine_() >> 11) * 0x1p-53;
-        return low + unit * (high - low);
+        return low + (static_cast<double>(engine_() >> 11) * 0x1p-53) * (high - low);
     }
     // Evenly distributed in the ball; by rejection, which needs no cube roots.
     Eigen::Vector3d inBall(double radius) {

@@ -106,8 +106,7 @@ struct Gap {
 }
 
 void checkStep(const TimedPose& last, int lastLine, const TimedPose& now, const std::string& where) {
-    const double step = now.time_s - last.time_s;
-    const double speed = (now.position - last.position).norm() / step;
+    const double speed = (now.position - last.position).norm() / (now.time_s - last.time_s);
     if (speed > kTopSpeed_mps)
         throw badInput(
             where, format("moves at %.4g m/s from line %d to here, faster than %g m/s", speed, lastLine, kTopSpeed_mps),

@@ -343,8 +343,7 @@ void LinkPlant::checkRobot(const MotionState& start) {
     if (options_.measuresExternal && !(flags & VL_HAS_EXTERNAL))
         refuse("does not measure the torque of the surroundings", "Write external_torque: false.");
     for (int i = 0; i < n_; ++i) {
-        const double away = std::abs(state_.q[i] - start.q[i]);
-        if (away <= options_.startTolerance[i]) continue;
+        if (std::abs(state_.q[i] - start.q[i]) <= options_.startTolerance[i]) continue;
         refuse("does not stand where the file starts: " + robot_->joints[i].name + " is at " +
                    formatShort(state_.q[i]) + ", and the start " + formatShort(start.q[i]),
                "Move the robot there, start where it stands (`viable live --from-here`), or write its pose as the "

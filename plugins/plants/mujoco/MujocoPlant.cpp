@@ -111,8 +111,7 @@ std::vector<MujocoShape> MujocoPlant::listShapes(const RunSetup& setup, const Co
     const RobotDescription& robot = hardware_.robot();
     const auto add = [&](int carrier, mjtGeom type, double radius, double half, const Eigen::Isometry3d& pose) {
         carriers_.push_back(carrier);
-        const std::string& link = robot.joints[carrier].childLink;
-        shapes.push_back({link, type, {radius, half, 0.0}, pose});
+        shapes.push_back({robot.joints[carrier].childLink, type, {radius, half, 0.0}, pose});
     };
     add(robot.toolParent, mjGEOM_SPHERE, options.toolRadius, 0.0, robot.toolPlacement);
     if (options.parts != ContactParts::Arm || !setup.geometry) return shapes;
@@ -150,8 +149,7 @@ void MujocoPlant::configureContact(const RunSetup& setup, const ContactOptions& 
     for (std::size_t k = 0; k < carriers_.size(); ++k) {
         const int geom = ofArm(k);
         const double most = std::max({mobility[2 * k], mobility[2 * k + 1], kLeastMobility});
-        const double places = m.geom_type[geom] == mjGEOM_CAPSULE ? 2.0 : 1.0;
-        fastest = std::max(fastest, places * options.stiffness * most);
+        fastest = std::max(fastest, (m.geom_type[geom] == mjGEOM_CAPSULE ? 2.0 : 1.0) * options.stiffness * most);
         m.body_invweight0[2 * m.geom_bodyid[geom]] = most;
         m.geom_priority[geom] = 1;
         m.geom_condim[geom] = options.friction > 0.0 ? 3 : 1;

@@ -174,8 +174,7 @@ JointVector SimbodyPlant::calcGearTorque(const TwoSides& s) const {
         const double twist = s.rotor.q[i] - s.link.q[i];
         const double beyond = std::abs(twist) - halfGap_[i];
         const double side = std::copysign(1.0, twist);
-        const double rate = side * (s.rotor.qd[i] - s.link.qd[i]);
-        const double force = stiffness_[i] * beyond + damping_[i] * rate;
+        const double force = stiffness_[i] * beyond + damping_[i] * (side * (s.rotor.qd[i] - s.link.qd[i]));
         const bool pulls = halfGap_[i] > 0.0 && force < 0.0;  // without a gap both flanks touch
         torque[i] = beyond > 0.0 && !pulls ? side * force : 0.0;
     }

@@ -78,8 +78,7 @@ std::string writePayload(const PayloadIdentification& payload) {
     std::string offset;
     for (std::size_t k = 0; k < 3; ++k) {
         const IdentifiedFigure& c = payload.centre[k];
-        const std::string place = c.isKnown ? formatFigure(c.value, c.deviation) : "0";
-        offset += (k == 0 ? "" : ", ") + place;
+        offset += (k == 0 ? "" : ", ") + (c.isKnown ? formatFigure(c.value, c.deviation) : "0");
         text += std::string(k == 0 ? ", centre [m] " : ", ") + (c.isKnown ? formatWithError(c) : "not known");
     }
     text += "\n";

@@ -93,13 +93,12 @@ double findKnotStep(const Readings& readings, const Roughness& roughness, double
                     std::size_t maxWorseSteps) {
     constexpr double kRatio = 0.70710678118654752;
     const Readings sample = makeSample(readings);
-    const auto ask = [&](double step_s) { return SplineFit(sample, step_s, roughness).objective(); };
     std::vector<double> steps, values;
     std::size_t best = 0;
     const double finest_s = readings.interval_s / kKnotsPerReading;
     for (double step_s = std::max(coarsest_s, finest_s); step_s >= finest_s; step_s *= kRatio) {
         steps.push_back(step_s);
-        values.push_back(ask(step_s));
+        values.push_back(SplineFit(sample, step_s, roughness).objective());
         if (values.back() < values[best]) best = values.size() - 1;
         if (values.size() > best + maxWorseSteps && std::isfinite(values[best])) break;
     }

@@ -75,8 +75,7 @@ const Keywords::Object* Keywords::findObject(const std::string& name) const {
 const char* Keywords::dropUnit(const std::string& name, std::string unit) {
     unit = "_" + detail::makeUnitSuffix(unit);
     const std::size_t rest = name.size() - std::min(name.size(), unit.size());
-    const bool hasUnit = unit.size() > 1 && name.substr(rest) == unit;
-    return names_.emplace_back(hasUnit ? name.substr(0, rest) : name).c_str();
+    return names_.emplace_back(unit.size() > 1 && name.substr(rest) == unit ? name.substr(0, rest) : name).c_str();
 }
 
 void Keywords::read(const std::string& owner, const py::kwargs& given, int joints) const {
