@@ -12,7 +12,6 @@
 
 namespace viable {
 
-namespace {
 constexpr int kBarWidth = 30;  // a line has at most 80 columns
 constexpr std::size_t kLongestShown = 20;
 constexpr std::chrono::seconds kPlainInterval{5};
@@ -21,11 +20,10 @@ constexpr std::chrono::milliseconds kJsonInterval{100}, kDrawInterval{50};
 constexpr std::chrono::seconds kSilent{2};
 
 /** On what moves its cursor. */
-bool isTerminal(int descriptor) {
+static bool isTerminal(int descriptor) {
     const char* const terminal = std::getenv("TERM");
     return isatty(descriptor) == 1 && !(terminal && std::strcmp(terminal, "dumb") == 0);
 }
-}  // namespace
 
 bool hasColor(int descriptor) {
     const char* const refusal = std::getenv("NO_COLOR");

@@ -4,8 +4,6 @@
 
 namespace viable {
 
-namespace {
-
 // The robot's own hold, a servo of acceleration: damping and stiffness of a critically damped 3 Hz, and an integral.
 constexpr double kDamping = 40.0;        // [1/s]
 constexpr double kStiffness = 400.0;     // [1/s^2]
@@ -14,7 +12,7 @@ constexpr double kSlow = 0.02;           // [rad/s] from here on it holds the po
 constexpr double kSettling_s = 3.0;      // in which the integral finds what the model does not know
 constexpr double kTorqueRise_s = 0.025;  // of a motor to its limit, where nothing says how fast its torque may change
 
-RealPlant& getPlant(const ConfiguredCase& configured) {
+static RealPlant& getPlant(const ConfiguredCase& configured) {
     const CasePlan& plan = configured.plan;
     if (!configured.plugins.realPlant)
         throw badInput("case " + plan.name, "it has no real arm (key `real_plant`) that could be served",
@@ -25,8 +23,6 @@ RealPlant& getPlant(const ConfiguredCase& configured) {
                        "Name a case with a simulated one, such as simbody: --case NAME.");
     return *configured.plugins.realPlant;
 }
-
-}  // namespace
 
 void BadLine::put(const Packet& packet, std::int64_t now, bool isGood) {
     const auto meets = [&](double share) { return !isGood && happens(share); };

@@ -8,9 +8,7 @@
 
 namespace viable {
 
-namespace {
-
-void describe(const RobotDescription& robot) {
+static void describe(const RobotDescription& robot) {
     std::printf("%s: %d joints, tool frame %s, folder %s\n", robot.name.c_str(), robot.size(), robot.toolLink.c_str(),
                 robot.folder.c_str());
     int width = 15;
@@ -37,8 +35,6 @@ void describe(const RobotDescription& robot) {
     }
     if (!robot.assumed.empty()) std::printf("Assumed, not given: %s.\n", detail::join(robot.assumed).c_str());
 }
-
-}  // namespace
 
 void addRobotsCommand(CLI::App& app, int&) {
     auto name = std::make_shared<std::string>();

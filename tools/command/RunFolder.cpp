@@ -19,24 +19,20 @@
 
 namespace viable {
 
-namespace {
-
 namespace fs = std::filesystem;
 
-Error alreadyHolds(const fs::path& folder) {
+static Error alreadyHolds(const fs::path& folder) {
     return badInput("--out " + folder.string(), "this folder already holds something",
                     "Name a new or empty folder; a run never overwrites another.");
 }
 
 /** Something that is no claim of a run. */
-bool holdsSomething(const fs::path& folder) {
+static bool holdsSomething(const fs::path& folder) {
     std::error_code error;
     for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
         if (entry->path().filename() != kClaim) return true;
     return false;
 }
-
-}  // namespace
 
 void ignoreWriteSignals() {
     std::signal(SIGPIPE, SIG_IGN);  // a closed pipe is a write error, not a death

@@ -11,14 +11,12 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Bounds that are remembered at a time; a sweep may draw its disturbance_set. */
 constexpr std::size_t kMostKnownBounds = 64;
 
 /** `bounds` with `margin` less on each side. */
-JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const char* quantity, const char* unit,
-                    const RobotDescription& robot, const std::string& place) {
+static JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const char* quantity, const char* unit,
+                           const RobotDescription& robot, const std::string& place) {
     for (int i = 0; i < robot.size(); ++i) {
         const double range = bounds.upper[i] - bounds.lower[i];
         if (2.0 * margin[i] < range) continue;
@@ -31,8 +29,6 @@ JointBounds tighten(const JointBounds& bounds, const JointVector& margin, const 
     }
     return {bounds.lower + margin, bounds.upper - margin};
 }
-
-}  // namespace
 
 TrackingBound findBound(const CasePlan& plan, const LinearErrorLoop& loop) {
     const Parameters& disturbances = *plan.disturbances;

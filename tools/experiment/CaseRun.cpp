@@ -2,17 +2,13 @@
 
 namespace viable {
 
-namespace {
-
 /** Ticks between two looks at the clock for the progress display. */
 constexpr std::int64_t kProgressTicks = 256;
 
-bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
+static bool isMissed(const std::vector<TickGap>& gaps, std::int64_t tick) {
     return std::any_of(gaps.begin(), gaps.end(),
                        [&](const TickGap& gap) { return tick >= gap.begin && tick - gap.begin < gap.count; });
 }
-
-}  // namespace
 
 CaseResult runCase(std::unique_ptr<ConfiguredCase> configured, const RunOptions& options) {
     RunningCase running(std::move(configured), {options.log}, true);

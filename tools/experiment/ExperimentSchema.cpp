@@ -17,10 +17,6 @@ Json makeReference(const std::string& name) {
     return {{"$ref", "#/definitions/" + name}};
 }
 
-Json makeConstant(const std::string& value) {
-    return {{"properties", {{"plugin", {{"const", value}}}}}, {"required", {"plugin"}}};
-}
-
 /** A plugin's parameters, and `plugin` itself, which the block has judged. */
 Json makeParameters(const PluginInfo& plugin) {
     Json properties = {{"plugin", Json::object()}};
@@ -42,7 +38,8 @@ Json makePluginBlock(PluginKind kind, const std::vector<PluginInfo>& plugins) {
         if (plugin.kind != kind) continue;
         const Json parameters = makeParameters(plugin);
         names.push_back({{"const", plugin.name}, {"description", plugin.summary}});
-        rules.push_back({{"if", makeConstant(plugin.name)}, {"then", parameters}});
+        const Json isIt = {{"properties", {{"plugin", {{"const", plugin.name}}}}}, {"required", {"plugin"}}};
+        rules.push_back({{"if", isIt}, {"then", parameters}});
         for (const auto& [name, schema] : parameters["properties"].items()) {
             if (name == "plugin") continue;
             Json& variants = anyones[name];

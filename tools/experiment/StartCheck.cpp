@@ -9,8 +9,6 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** A path is followed to this share of the threshold for rounding. */
 constexpr double kPathResolution = 1.0 / 16.0;
 
@@ -18,7 +16,7 @@ constexpr const char* kRecoveryRemedy =
     "or use the filter certified_braking with `recovery: true`, which recovers from such a start.";
 
 /** Refuses a start outside a limit. */
-void checkInside(const CasePlan& plan, const JointLimits& limits) {
+static void checkInside(const CasePlan& plan, const JointLimits& limits) {
     // `otherwise`: what stands there without the key of the file's `start`.
     const auto check = [&](LimitKind kind, const JointVector& value, const JointBounds& bounds, const char* key,
                            const char* otherwise) {
@@ -41,7 +39,7 @@ void checkInside(const CasePlan& plan, const JointLimits& limits) {
 }
 
 /** Refuses a start inside the limits whose fastest stop leaves them. */
-void checkViable(const CasePlan& plan, const JointLimits& limits) {
+static void checkViable(const CasePlan& plan, const JointLimits& limits) {
     for (int i = 0; i < plan.robot.size(); ++i) {
         const AxisLimits axis = limits.axis(i);
         if (std::isinf(axis.jerkLower) || std::isinf(axis.jerkUpper)) continue;
@@ -71,8 +69,6 @@ void checkViable(const CasePlan& plan, const JointLimits& limits) {
         check(LimitKind::Velocity, "lower", axis.velocityLower - peak, allowedV);
     }
 }
-
-}  // namespace
 
 void checkStart(const CasePlan& plan, const JointLimits& limits) {
     checkInside(plan, limits);

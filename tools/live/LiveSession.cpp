@@ -9,8 +9,6 @@
 
 namespace viable {
 
-namespace {
-
 constexpr unsigned kAskerShift = 8;
 
 /** Ticks that wait for the disk at most. */
@@ -19,7 +17,7 @@ constexpr std::size_t kCapacity = 8192;
 /** Takes that the summary lists; the log knows those after it, too. */
 constexpr std::int64_t kListedTakes = 1000;
 
-CaseLog widen(CaseLog log) {
+static CaseLog widen(CaseLog log) {
     log.capacity = std::max(log.capacity, kCapacity);
     log.isLive = true;
     log.moreObstacles = PlacedObstacles::listNames();
@@ -27,14 +25,12 @@ CaseLog widen(CaseLog log) {
 }
 
 /** Does a filter take the surroundings that it is to keep clear of? */
-bool keepsClear(SurroundingsFeed* feed) {
+static bool keepsClear(SurroundingsFeed* feed) {
     if (!feed) return false;
     if (!feed->claim()) return true;
     feed->release();
     return false;
 }
-
-}  // namespace
 
 const char* getName(LiveState state) {
     return detail::enumName<LiveState::Stopped>(state, {"armed", "running", "stopping", "stopped"}, "stopped");

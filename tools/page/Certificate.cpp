@@ -185,7 +185,8 @@ void writePrivate(const fs::path& file, const std::string& text) {
     ::unlink(part.c_str());  // of a start that was killed
     int code = 0;
     {
-        const detail::Descriptor opened(::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
+        const detail::Descriptor opened(
+            ::open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
         code = opened < 0 ? errno : detail::writeAll(opened, text);
         if (code == 0 && ::fsync(opened) != 0) code = errno;
     }
@@ -217,7 +218,8 @@ Certificate readOrMakeCertificate(const fs::path& folder, const std::vector<std:
         throw fail(folder, "other users may change this folder, in which the page's private key is",
                    "Make it yours alone (chmod 700), or name another one in XDG_STATE_HOME.");
     const fs::path lockFile = folder / "page_lock";
-    const detail::Descriptor lock(::open(lockFile.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));  // one start at a time
+    const detail::Descriptor lock(
+        ::open(lockFile.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));  // one start at a time
     if (lock < 0 || ::flock(lock, LOCK_EX) != 0)
         throw fail(lockFile, std::string("it cannot be locked: ") + std::strerror(errno),
                    "Make its folder writable, or name another one in XDG_STATE_HOME.");

@@ -5,13 +5,9 @@
 
 namespace viable {
 
-namespace {
-
 namespace beast = boost::beast;
 namespace http = beast::http;
 namespace websocket = beast::websocket;
-
-}  // namespace
 
 WebSocket::WebSocket(TlsStream&& stream)
     : stream_(std::make_unique<Stream>(std::move(stream))), patience_(stream_->get_executor()) {}

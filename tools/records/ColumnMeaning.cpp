@@ -5,8 +5,6 @@
 
 namespace viable::detail {
 
-namespace {
-
 constexpr ColumnUnit kUnits[] = {{"rad", "rad", "m"},
                                  {"radps", "rad/s", "mps"},
                                  {"radps2", "rad/s^2", "mps2"},
@@ -92,7 +90,7 @@ constexpr struct {
     {"*link", "the link: index into the metadata's `links`; -1: none, in speed.link the tool"},
 };
 
-bool fits(std::string_view text, std::string_view pattern) {
+static bool fits(std::string_view text, std::string_view pattern) {
     const auto isSame = [](std::string_view a, std::string_view b) {
         return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](char x, char y) { return x == y || y == '?'; });
     };
@@ -102,8 +100,6 @@ bool fits(std::string_view text, std::string_view pattern) {
     return text.size() >= star + end && isSame(text.substr(0, star), pattern.substr(0, star)) &&
            isSame(text.substr(text.size() - end), pattern.substr(star + 1));
 }
-
-}  // namespace
 
 const ColumnUnit* findColumnUnit(const std::string& column) {
     const std::size_t line = column.rfind('_'), dot = column.rfind('.');

@@ -8,9 +8,7 @@
 
 namespace viable::detail {
 
-namespace {
-
-ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>& prismaticJoints) {
+static ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>& prismaticJoints) {
     ExportColumn named{&column, column.name(), "/" + column.name(), column.isText() ? "" : "1"};
     const std::size_t first = named.name.find('.'), last = named.name.rfind('.');
     if (first != std::string::npos) named.path[first + 1] = named.path[last + 1] = '/';
@@ -34,8 +32,6 @@ ExportColumn nameColumn(const LogColumn& column, const std::vector<std::string>&
             named.unit = getUnit(kind, false);
     return named;
 }
-
-}  // namespace
 
 std::vector<ExportColumn> nameExportColumns(const LogReader& reader, const std::string& log) {
     const LogMetadata metadata = readLogMetadata(reader.metadata(), reader.layout().jointNames);

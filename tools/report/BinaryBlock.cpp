@@ -8,10 +8,8 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** A part of a stream of deflate, from a byte of its own on; it knows of the part before nothing but its end. */
-std::string deflatePart(const char* data, std::size_t size, bool isLast) {
+static std::string deflatePart(const char* data, std::size_t size, bool isLast) {
     z_stream stream{};
     if (deflateInit2(&stream, 6, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
         throw std::runtime_error("zlib cannot begin to compress");
@@ -28,7 +26,7 @@ std::string deflatePart(const char* data, std::size_t size, bool isLast) {
 }
 
 /** As one member of gzip (RFC 1952), its parts at once; the same for any number of cores. */
-std::string compress(const std::string& bytes) {
+static std::string compress(const std::string& bytes) {
     constexpr std::size_t kPart = 1 << 20;
     std::vector<std::string> parts(std::max<std::size_t>(1, (bytes.size() + kPart - 1) / kPart));
     std::vector<uLong> sums(parts.size());
@@ -49,7 +47,7 @@ std::string compress(const std::string& bytes) {
     return out;
 }
 
-std::string toBase64(const std::string& bytes) {
+static std::string toBase64(const std::string& bytes) {
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     std::string text;
     text.reserve((bytes.size() + 2) / 3 * 4);
@@ -65,8 +63,6 @@ std::string toBase64(const std::string& bytes) {
     }
     return text;
 }
-
-}  // namespace
 
 nlohmann::json BinaryBlock::append(const void* data, std::size_t count, std::size_t size, char kind) {
     bytes_.resize((bytes_.size() + 7) / 8 * 8);

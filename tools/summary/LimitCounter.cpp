@@ -6,27 +6,23 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Joints slower than this stand still [rad/s, m/s]. */
 constexpr double kStandsStill = 1e-3;
 constexpr double kLeastTick_s = 1e-9;
 /** Names are taken over in ticks, without memory of their own. */
 constexpr std::size_t kLongestName = 256;
 
-void begin(ArmLimitRecord& record, const LimitRow& row) {
+static void begin(ArmLimitRecord& record, const LimitRow& row) {
     record.worst = row.lessIsWorse ? kInfinity : 0.0;
     for (std::string* name : {&record.part, &record.other, &record.otherLink}) name->reserve(kLongestName);
 }
 
-bool isHeld(const TickRecord& record, LimitKind kind) {
+static bool isHeld(const TickRecord& record, LimitKind kind) {
     const LimitReport& report = record.reports[kind];
     bool isHeld = report.isKnown && !report.isKept;
     for (Eigen::Index i = 0; i < record.nominal.q.size(); ++i) isHeld |= record.joints[i].limit == kind;
     return isHeld;
 }
-
-}  // namespace
 
 LimitCounter::LimitCounter(LimitKind kind, std::unique_ptr<ArmLimit> limit, bool hasRealArm)
     : row_(getLimitRow(kind)), limit_(std::move(limit)) {

@@ -4,8 +4,6 @@
 
 namespace viable {
 
-namespace {
-
 // What counts as rest near a limit, see Summary::chatter().
 constexpr double kNearShare = 0.05, kRestShare = 1e-3, kRest_s = 0.5, kLeastRest_s = 1.0;
 
@@ -30,23 +28,21 @@ constexpr double kLeastCut = 1e-6;
 constexpr double kPushShare = 0.2;
 
 /** Of the joint that can least. */
-Pace findPace(const JointLimits& limits, double lever) {
+static Pace findPace(const JointLimits& limits, double lever) {
     const auto least = [&](const JointBounds& bounds) {
         return lever * bounds.upper.cwiseMin(-bounds.lower).minCoeff();
     };
     return {least(limits.velocity), least(limits.acceleration), least(limits.jerk)};
 }
 
-Pace findJointPace(const JointLimits& limits, int i) {
+static Pace findJointPace(const JointLimits& limits, int i) {
     const auto least = [&](const JointBounds& bounds) { return std::min(-bounds.lower[i], bounds.upper[i]); };
     return {least(limits.velocity), least(limits.acceleration), least(limits.jerk)};
 }
 
-Following::Point makePoint(double x) {
+static Following::Point makePoint(double x) {
     return {x, 0.0, 0.0, 0.0};
 }
-
-}  // namespace
 
 Summary::Summary(std::vector<std::string> jointNames, JointLimits limits, bool hasRealPlant, RealArmReference reference)
     : jointNames_(std::move(jointNames)),

@@ -26,10 +26,6 @@ template <class Value>
 json toJson(const std::optional<Value>& value) {
     return value ? json(*value) : json(nullptr);
 }
-/** Of a name, which may be empty. */
-json orNull(const std::string& name) {
-    return name.empty() ? json(nullptr) : json(name);
-}
 std::optional<double> onlyIf(bool exists, double value) {
     return exists ? std::optional(value) : std::nullopt;
 }
@@ -103,7 +99,7 @@ json getFigure(const LimitFigure::Member& member, const ArmLimitRecord& record) 
     return std::visit(
         [&](auto of) -> json {
             if constexpr (std::is_same_v<decltype(of), std::string ArmLimitRecord::*>)
-                return orNull(record.*of);
+                return (record.*of).empty() ? json(nullptr) : json(record.*of);
             else
                 return toJson(std::invoke(of, record));
         },

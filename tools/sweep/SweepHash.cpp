@@ -5,24 +5,20 @@
 
 namespace viable {
 
-namespace {
-
 namespace fs = std::filesystem;
 
 /** A named piece; the lengths keep the borders. */
-void addPiece(detail::Sha256& hash, const std::string& name, const std::string& content) {
+static void addPiece(detail::Sha256& hash, const std::string& name, const std::string& content) {
     for (const std::string* text : {&name, &content}) {
         hash.add(std::to_string(text->size()) + ":");
         hash.add(*text);
     }
 }
 
-std::string readFile(const fs::path& file) {
+static std::string readFile(const fs::path& file) {
     if (std::optional<std::string> text = readWhole(file)) return *std::move(text);
     throw badInput(file.string(), "cannot be read", "Check its permissions.");
 }
-
-}  // namespace
 
 SweepFiles findSweepFiles(const Experiment& experiment) {
     SweepFiles files;

@@ -4,14 +4,10 @@
 
 namespace viable {
 
-namespace {
-
 /** How often the joints are asked again after the QP moved them; then each takes its bound. */
 constexpr int kMaxQpRounds = 4;
 /** How often the path is shortened until every joint admits its jerk; then the backup stop is followed. */
 constexpr int kMaxPathRounds = 8;
-
-}  // namespace
 
 void CertifiedBraking::configure(const JointLimits& limits, double tick_s, double approach) {
     n_ = limits.size();

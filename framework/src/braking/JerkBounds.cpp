@@ -4,13 +4,9 @@
 
 namespace viable::detail {
 
-namespace {
-
 constexpr int kNewtonRounds = 6;
 /** A correction smaller than this share of the jerk range ends Newton's method. */
 constexpr double kNewtonStep = 1e-6;
-
-}  // namespace
 
 AxisState mirror(const AxisState& s) {
     return {-s.p, -s.v, -s.a};

@@ -47,17 +47,13 @@ void Servo::calc(const MotionState& state, const MotionState& target, JointVecto
             impl_->joints[i].calc({state.q[i], state.qd[i], state.qdd[i]}, {target.q[i], target.qd[i], target.qdd[i]});
 }
 
-namespace {
-
 /** A target's velocity is smoothed over this share of the time in which the joint stops from its limit, and may grow with
 this share of the deceleration of that stop. */
 constexpr double kSmoothing = 0.5, kGrowth = 0.5;
 
-double calcStopTime(double v, const AxisLimits& l) {
+static double calcStopTime(double v, const AxisLimits& l) {
     return std::isfinite(v) ? calcStationaryStop(v, 0.0, l).duration() : kInfinity;
 }
-
-}  // namespace
 
 void TargetVelocity::configure(const JointLimits& limits, double tick_s, double filter_s) {
     tick_s_ = tick_s;

@@ -14,16 +14,12 @@
 
 namespace viable {
 
-namespace {
-
-std::int64_t toInt64(double bound) {
+static std::int64_t toInt64(double bound) {
     // 2^63 is the first double beyond the range.
     if (bound <= -9223372036854775808.0) return std::numeric_limits<std::int64_t>::min();
     if (bound >= 9223372036854775808.0) return std::numeric_limits<std::int64_t>::max();
     return static_cast<std::int64_t>(bound);
 }
-
-}  // namespace
 
 namespace detail {
 

@@ -9,9 +9,7 @@
 
 namespace viable {
 
-namespace {
-
-std::string compose(const std::string& where, const std::string& what, const std::string& remedy) {
+static std::string compose(const std::string& where, const std::string& what, const std::string& remedy) {
     std::string text;
     if (!where.empty()) text.append(where.c_str()).append(": ");
     text += what.c_str();
@@ -23,7 +21,7 @@ std::string compose(const std::string& where, const std::string& what, const std
     return text;
 }
 
-std::size_t calcEditDistance(const std::string& a, const std::string& b) {
+static std::size_t calcEditDistance(const std::string& a, const std::string& b) {
     std::vector<std::size_t> row(b.size() + 1);
     for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
     for (std::size_t i = 1; i <= a.size(); ++i) {
@@ -37,8 +35,6 @@ std::size_t calcEditDistance(const std::string& a, const std::string& b) {
     }
     return row.back();
 }
-
-}  // namespace
 
 Error::Error(ErrorKind kind, const std::string& where, const std::string& what, const std::string& remedy)
     : std::runtime_error(compose(where, what, remedy)), kind_(kind) {}

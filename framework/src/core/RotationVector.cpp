@@ -4,11 +4,9 @@
 
 namespace viable {
 
-namespace {
 // Below this angle [rad] the quotients lose more digits to cancellation than their series do to
 // truncation (after three terms: t^6 / 362880 < 1e-14).
 constexpr double kSeriesAngle = 0.03;
-}  // namespace
 
 Eigen::Quaterniond calcRotation(const Eigen::Vector3d& r) {
     const double t2 = r.squaredNorm();

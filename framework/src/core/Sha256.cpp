@@ -8,8 +8,6 @@
 
 namespace viable::detail {
 
-namespace {
-
 // The first 32 bits of the fractional parts of the cube roots of the first 64 primes.
 constexpr std::array<std::uint32_t, 64> kRounds = {
     0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5,
@@ -21,11 +19,9 @@ constexpr std::array<std::uint32_t, 64> kRounds = {
     0x19a4c116, 0x1e376c08, 0x2748774c, 0x34b0bcb5, 0x391c0cb3, 0x4ed8aa4a, 0x5b9cca4f, 0x682e6ff3,
     0x748f82ee, 0x78a5636f, 0x84c87814, 0x8cc70208, 0x90befffa, 0xa4506ceb, 0xbef9a3f7, 0xc67178f2};
 
-std::uint32_t rotate(std::uint32_t x, int bits) {
+static std::uint32_t rotate(std::uint32_t x, int bits) {
     return x >> bits | x << (32 - bits);
 }
-
-}  // namespace
 
 void Sha256::addBlock(const unsigned char* block) {
     std::array<std::uint32_t, 64> w;

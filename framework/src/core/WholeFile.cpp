@@ -12,15 +12,13 @@
 
 namespace viable {
 
-namespace {
-
-Error existsAlready(const std::string& place) {
+static Error existsAlready(const std::string& place) {
     return badInput(place, "the file exists already and is never overwritten",
                     "Choose another name or move the old file away");
 }
 
 /** The name of a file that is to become `target`. */
-std::filesystem::path makePartName(const std::filesystem::path& target, int attempt) {
+static std::filesystem::path makePartName(const std::filesystem::path& target, int attempt) {
     // A name that fits still fits with what is added to it.
     constexpr std::size_t kKept = 200;
     return target.parent_path() / (target.filename().string().substr(0, kKept) + "." + std::to_string(::getpid()) +
@@ -28,11 +26,9 @@ std::filesystem::path makePartName(const std::filesystem::path& target, int atte
 }
 
 /** A path to what a descriptor has open. */
-std::string nameOf(int descriptor) {
+static std::string nameOf(int descriptor) {
     return "/proc/self/fd/" + std::to_string(descriptor);
 }
-
-}  // namespace
 
 std::optional<std::string> readWhole(const std::filesystem::path& file) {
     std::ifstream stream(file, std::ios::binary);

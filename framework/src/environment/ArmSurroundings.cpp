@@ -4,12 +4,8 @@
 
 namespace viable {
 
-namespace {
-
 /** A distance field tells distances up to here apart [m]: farther than any arm needs to stop. */
 constexpr double kFieldReach_m = 1.0;
-
-}  // namespace
 
 std::shared_ptr<const Surroundings> makeSurroundings(const Environment& environment, const RobotDescription& robot,
                                                      const ArmGeometry& geometry, const JointLimits& limits) {

@@ -7,12 +7,8 @@
 
 namespace viable {
 
-namespace {
-
 /** Squared distances are stored as float and this much too small, which outweighs all rounding. */
 constexpr double kRoundedDown = 1.0 - 1e-6;
-
-}  // namespace
 
 DistanceField::DistanceField(const OccupancyMap& map, UnknownSpace unknown, const Eigen::Isometry3d& pose,
                              const Eigen::Vector3d& lower, const Eigen::Vector3d& upper, double cell_m, double reach_m,

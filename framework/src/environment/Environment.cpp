@@ -10,14 +10,12 @@
 
 namespace viable {
 
-namespace {
-
 namespace fs = std::filesystem;
 
 /** Rotations that were multiplied often are not quite orthogonal. */
 constexpr double kUnitTolerance = 1e-6;
 
-fs::path findMapFile(const ConfigNode& node) {
+static fs::path findMapFile(const ConfigNode& node) {
     const std::string text = toText(node);
     const fs::path folder = node.file == detail::kOverrideFile ? fs::path() : fs::path(node.file).parent_path();
     const fs::path file = folder / text;
@@ -35,7 +33,7 @@ fs::path findMapFile(const ConfigNode& node) {
 }
 
 /** Nothing that moves may touch them, so they have no speed. */
-void refuseHeads(const ConfigNode& block) {
+static void refuseHeads(const ConfigNode& block) {
     const ConfigNode* const people = block.find("people");
     if (!people || people->kind != ConfigNode::Kind::Map) return;
     detail::ErrorList errors;
@@ -48,8 +46,6 @@ void refuseHeads(const ConfigNode& block) {
     }
     errors.throwIfAny(people->place());
 }
-
-}  // namespace
 
 Eigen::Vector3d MovingSphere::calcCentre(double t) const {
     return calcPlaceOnPath(waypoints, repeats, t);

@@ -5,9 +5,7 @@
 
 namespace viable {
 
-namespace {
-
-bool isUsable(const PersonObservation& seen) {
+static bool isUsable(const PersonObservation& seen) {
     if (!std::isfinite(seen.stamp_s) || seen.count < 1 || seen.count > kMaxPersonCapsules) return false;
     for (int k = 0; k < seen.count; ++k) {
         const PersonCapsule& capsule = seen.capsules[k];
@@ -18,8 +16,6 @@ bool isUsable(const PersonObservation& seen) {
     }
     return true;
 }
-
-}  // namespace
 
 struct PeopleFeed::Slots {
     LatestValue<PeopleObservation> latest;

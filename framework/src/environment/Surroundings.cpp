@@ -67,12 +67,8 @@ struct Surroundings::MapField {
     DistanceField field;
 };
 
-namespace {
-
 /** Maps with their fields that are remembered at a time; at worst a gigabyte each, usually a few megabytes. */
 constexpr std::size_t kMostKnownFields = 2;
-
-}  // namespace
 
 void Surroundings::Shapes::add(const Solid& solid, int obstacle) {
     const Eigen::Vector3d centre = solid.pose.translation();
@@ -167,19 +163,15 @@ std::shared_ptr<const Surroundings::MapField> Surroundings::shareMapField(const 
                      [&] { return std::make_shared<const MapField>(choice, lower, upper, cell_m, reach_m); });
 }
 
-namespace {
-
 /** Nothing within this sphere can be nearer than `best`. */
-bool isFarther(const Eigen::Vector3d& fromCentre, double radius, double best) {
+static bool isFarther(const Eigen::Vector3d& fromCentre, double radius, double best) {
     const double least = best + radius;
     return least <= 0.0 || fromCentre.squaredNorm() >= least * least;
 }
 
-Eigen::Vector3d toUnit(const Eigen::Vector3d& v, double length) {
+static Eigen::Vector3d toUnit(const Eigen::Vector3d& v, double length) {
     return length > 0.0 ? Eigen::Vector3d(v / length) : Eigen::Vector3d::UnitZ();
 }
-
-}  // namespace
 
 template <bool kWithGradient, typename IsLeftOut>
 Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t, const IsLeftOut& isLeftOut) const {
@@ -292,11 +284,7 @@ Surroundings::Nearest Surroundings::findIn(const Eigen::Vector3d& p, double t, c
     return nearest;
 }
 
-namespace {
-
 constexpr auto kNone = [](int /*obstacle*/) { return false; };
-
-}  // namespace
 
 double Surroundings::calcDistance(const Eigen::Vector3d& p, double t) const {
     return findIn<false>(p, t, kNone).distance;

@@ -623,11 +623,6 @@ Error makeMiss(PluginKind kind, const std::string& request, const std::string& w
 
 constexpr char kPythonLibrary[] = "viable_python.so";
 
-/** FILE.py:CLASS, or FILE.py, which lacks its class. */
-bool asksForPython(const std::string& request) {
-    return request.find(".py:") != std::string::npos || endsWith(request, ".py");
-}
-
 bool isIdentifier(const std::string& text) {
     const auto isLetter = [](unsigned char c) { return std::isalpha(c) || c == '_' || c >= 0x80; };
     return !text.empty() && isLetter(static_cast<unsigned char>(text[0])) &&
@@ -752,7 +747,9 @@ PluginInfo PluginLoader::find(PluginKind kind, const std::string& request, const
     if (request.empty())
         throw badInput(where, std::string("the name of the ") + getName(kind) + " plugin is empty",
                        "Write its name or the path of its library");
-    if (asksForPython(request)) return findPython(kind, request, where, folder, searchPath_, trial_s_);
+    // FILE.py:CLASS, or FILE.py, which lacks its class.
+    if (request.find(".py:") != std::string::npos || endsWith(request, ".py"))
+        return findPython(kind, request, where, folder, searchPath_, trial_s_);
 
     fs::path library;
     if (request.find('/') != std::string::npos || endsWith(request, ".so")) {

@@ -9,10 +9,8 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** True when the segment has a point in the box made larger by `margin`. */
-bool meets(Eigen::Vector3d a, Eigen::Vector3d b, const SpeedLimits::Region& region, double margin) {
+static bool meets(Eigen::Vector3d a, Eigen::Vector3d b, const SpeedLimits::Region& region, double margin) {
     // Cut to what lies between each pair of planes in turn.
     for (int axis = 0; axis < 3; ++axis) {
         for (const double side : {-1.0, 1.0}) {
@@ -25,8 +23,6 @@ bool meets(Eigen::Vector3d a, Eigen::Vector3d b, const SpeedLimits::Region& regi
     }
     return true;
 }
-
-}  // namespace
 
 PointSpeedLimit::PointSpeedLimit(RobotDescription robot, const ArmGeometry* geometry) : robot_(std::move(robot)) {
     const SpeedLimits& limits = robot_.speedLimits;
@@ -69,23 +65,19 @@ LimitSample PointSpeedLimit::sample(const ArmSample& arm) {
     return found;
 }
 
-namespace {
-
 /** "link6 used 99.6 % of its limit at 1.234 s" */
-std::string tellFastest(const ArmLimitRecord& r) {
+static std::string tellFastest(const ArmLimitRecord& r) {
     if (r.part.empty()) return r.largest > 0.0 ? "nothing moved where a limit counts" : "nothing moved";
     return format("%s used %.1f %% of its limit at %.3f s", r.part, 100.0 * r.worst, r.worst_s);
 }
 
-std::string tellSpeed(const LimitAccount&, const ArmLimitRecord& r) {
+static std::string tellSpeed(const LimitAccount&, const ArmLimitRecord& r) {
     std::string text = format("up to %.4g m/s, ", r.largest) + tellFastest(r) +
                        format(", above %.0f %% of it in %lld ticks, too fast in %lld", 100.0 * kAtSpeedLimit,
                               r.nearTicks, r.brokenTicks);
     if (r.firstBroken_s) text += format(" (first at %.3f s)", *r.firstBroken_s);
     return text;
 }
-
-}  // namespace
 
 LimitRow makePointSpeedRow() {
     LimitRow row;

@@ -46,18 +46,12 @@ namespace {
 // auto& is too much for Clang 14 here.)
 template <class Access>
 LogField perJoint(const char* name, Access access) {
-    LogField field{name, LogKind::JointNumber, {}};
-    field.joints = access;
-    field.updJoints = access;
-    return field;
+    return {name, LogKind::JointNumber, {}, access, access};
 }
 
 template <class Access>
 LogField numbers(const std::string& name, LogKind kind, std::vector<std::string> elements, Access access) {
-    LogField field{name, kind, std::move(elements)};
-    field.number = access;
-    field.updNumber = access;
-    return field;
+    return {name, kind, std::move(elements), {}, {}, access, access};
 }
 
 template <class Get, class Set>

@@ -22,9 +22,6 @@ struct LogField {
     std::string name;  ///< last part of its columns, with the unit
     LogKind kind;
     std::vector<std::string> elements;  ///< Vector: last part of the column of each element
-    /** Logs of before it came lack it, and its value in a new TickRecord is what they mean. */
-    bool mayLack = false;
-
     std::function<const JointVector&(const TickRecord&)> joints = {};  ///< JointNumber, or the next two
     std::function<JointVector&(TickRecord&)> updJoints = {};
     std::function<const double&(const TickRecord&, int)> number = {};  ///< JointNumber, Number, Vector
@@ -33,6 +30,8 @@ struct LogField {
     std::function<bool(TickRecord&, int, std::string_view)> setText = {};  ///< false: no such word
     std::function<std::int64_t(const TickRecord&)> integer = {};
     std::function<bool(TickRecord&, std::int64_t)> setInteger = {};  ///< false: out of range
+    /** Logs of before it came lack it, and its value in a new TickRecord is what they mean. */
+    bool mayLack = false;
 
     bool isPerJoint() const { return kind == LogKind::JointNumber || kind == LogKind::JointName; }
     bool isText() const { return kind == LogKind::JointName || kind == LogKind::Name; }

@@ -5,13 +5,11 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Poses in which the gain of a loop that follows the inertia is looked for. */
 constexpr int kGainPoses = 64;
 
 /** Largest K_r of each joint [Nms/rad]. */
-JointVector findLargestGain(const RunSetup& setup, const LinearErrorLoop& loop) {
+static JointVector findLargestGain(const RunSetup& setup, const LinearErrorLoop& loop) {
     if (std::isinf(loop.inertiaRate)) return loop.kr;
     JointVector largest = JointVector::Zero(setup.size());
     for (const PoseInertia& pose : sampleInertia(setup.robot, setup.limits, kGainPoses))
@@ -21,7 +19,7 @@ JointVector findLargestGain(const RunSetup& setup, const LinearErrorLoop& loop) 
 
 /** Largest force that joints pushed with those torques, each up to its own [Nm], press the tool with along x, y and z of the
 base frame: what the weakest joint can hold [N]. Infinite along an axis that no joint moves the tool along. */
-Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) {
+static Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) {
     constexpr double kNoLever = 1e-6;  // [m]
     Eigen::Vector3d force = Eigen::Vector3d::Constant(kInfinity);
     for (int axis = 0; axis < 3; ++axis)
@@ -29,8 +27,6 @@ Eigen::Vector3d calcToolForce(const JointVector& torque, const ToolJacobian& J) 
             if (std::abs(J(axis, i)) > kNoLever) force[axis] = std::min(force[axis], torque[i] / std::abs(J(axis, i)));
     return force;
 }
-
-}  // namespace
 
 AuthoritySizes calcAuthority(const RunSetup& setup, const LinearErrorLoop* loop, const TrackingBound* bound) {
     const int n = setup.size();

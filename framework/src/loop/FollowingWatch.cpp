@@ -2,8 +2,6 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Without a velocity limit a joint may be away by this share of its range, and without that by so much [rad, m]. */
 constexpr double kShareOfRange = 0.1, kFarRad = 1.0, kFarM = 0.3;
 /** A motor this near to its limit is at it. */
@@ -11,11 +9,9 @@ constexpr double kAtLimit = 0.999;
 /** A motor that gives less than this share of a torque that is more than nothing, a share of its limit, is weak. */
 constexpr double kWeak = 0.9, kSomething = 0.05;
 
-double calcFastest(const JointLimits& limits, int i) {
+static double calcFastest(const JointLimits& limits, int i) {
     return std::max(limits.velocity.upper[i], -limits.velocity.lower[i]);
 }
-
-}  // namespace
 
 void FollowingWatch::begin(const RunSetup& setup) {
     hasFound_ = false;

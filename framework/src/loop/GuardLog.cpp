@@ -5,9 +5,7 @@
 
 namespace viable {
 
-namespace {
-
-LogOpening makeOpening(const std::filesystem::path& file, const RobotDescription& robot, bool hasRealArm) {
+static LogOpening makeOpening(const std::filesystem::path& file, const RobotDescription& robot, bool hasRealArm) {
     LogOpening opening;
     opening.layout.jointNames = robot.jointNames();
     // The law of a TorqueGuard has its command for itself: what is there is the tool at the start.
@@ -22,8 +20,6 @@ LogOpening makeOpening(const std::filesystem::path& file, const RobotDescription
     opening.metadata = writeLogMetadata(std::move(metadata));
     return opening;
 }
-
-}  // namespace
 
 struct GuardLog::Inside {
     explicit Inside(std::unique_ptr<LogWriter> writer) : recorder(std::move(writer)) {}

@@ -9,8 +9,6 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Weights of the angular part and of the wish, beside that of the linear part: of the tool's lever arm. */
 constexpr double kAngular = 0.1, kWish = 0.01;
 /** Of the torques that the sensors show, at most so much may be no force at the tool. */
@@ -20,19 +18,17 @@ constexpr double kNoLever = 1e-6, kLeastPull = 0.1;
 /** No contact is less than this share of the force asked for: where the joints may not give that none begins, and one is lost. */
 constexpr double kLeastForce = 0.1;
 
-double follow(double tick_s, double time_s) {
+static double follow(double tick_s, double time_s) {
     return std::min(1.0, tick_s / time_s);
 }
 
 /** The force at the tool that explains the joints' torques best [N]. */
-Eigen::Vector3d calcToolForce(const ToolJacobian& J, const JointVector& torque) {
+static Eigen::Vector3d calcToolForce(const ToolJacobian& J, const JointVector& torque) {
     const auto linear = J.topRows<3>();
     const Eigen::Matrix3d A = linear * linear.transpose();
     const double damping = 1e-6 * A.trace();
     return (A + damping * Eigen::Matrix3d::Identity()).llt().solve(Eigen::Vector3d(linear * torque));
 }
-
-}  // namespace
 
 JointVector calcJointStep(const ToolJacobian& J, const Vector6& step, const JointVector& wish) {
     const double lever = calcLeverArm(J), angular = kAngular * lever, own = kWish * lever;

@@ -22,14 +22,12 @@ bool calcDesiredAcceleration(const FilterInput& input, double tick_s, JointVecto
     return true;
 }
 
-namespace {
-
 /** Rounding of M M^-1 (tau_d - b) + b, relative to its terms; where M is ill-conditioned some digits are lost. */
 constexpr double kTorqueRounding = 1e-6;
 
 /** True when `needed` = M x + b is the torque `desired` but for rounding. */
-bool isSameTorque(const JointVector& needed, const JointVector& desired, const Dynamics& dynamics,
-                  const JointVector& x) {
+static bool isSameTorque(const JointVector& needed, const JointVector& desired, const Dynamics& dynamics,
+                         const JointVector& x) {
     for (Eigen::Index i = 0; i < needed.size(); ++i) {
         double size = 1.0 + std::abs(dynamics.b[i]);
         for (Eigen::Index k = 0; k < needed.size(); ++k) size += std::abs(dynamics.M(i, k) * x[k]);
@@ -37,8 +35,6 @@ bool isSameTorque(const JointVector& needed, const JointVector& desired, const D
     }
     return true;
 }
-
-}  // namespace
 
 void calcHeldMotion(const FilterInput& input, FilterStatus status, const FilterDecision& decision, double tick_s,
                     HeldMotion& motion) {

@@ -7,13 +7,9 @@
 
 namespace viable {
 
-namespace {
-
-double readSteadyClock() {
+static double readSteadyClock() {
     return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
-
-}  // namespace
 
 const char* getName(HandState state) {
     return detail::enumName<HandState::Refused>(state, {"released", "engaged", "held", "refused"}, "refused");

@@ -95,18 +95,14 @@ bool isInContainer(const std::filesystem::path& root) {
 
 namespace remedy {
 
-namespace {
-
 constexpr char kRights[] =
     "# start the container with: docker run --cap-add sys_nice --ulimit rtprio=98 --ulimit memlock=-1";
 
 /** @param limit  as limits.conf has it @param value  of it */
-std::string makeLimit(const std::string& limit, const std::string& value) {
+static std::string makeLimit(const std::string& limit, const std::string& value) {
     return "echo \"$(id -un) - " + limit + " " + value + "\" | sudo tee /etc/security/limits.d/90-viable-" + limit +
            ".conf  # then log in again";
 }
-
-}  // namespace
 
 std::string forPriority(bool isContainer) {
     return isContainer ? kRights : makeLimit("rtprio", "98");

@@ -6,11 +6,7 @@
 
 namespace viable {
 
-namespace {
-
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
-
-}  // namespace
 
 std::int64_t TickPacer::readClock_ns() {
     timespec now{};

@@ -6,12 +6,8 @@
 
 namespace viable {
 
-namespace {
-
 /** Times of ticks are rounded. */
 constexpr double kTimeTolerance_s = 1e-9;
-
-}  // namespace
 
 CommandStream::CommandStream(const StreamOptions& options) : options_(options), receiver_(options.between) {}
 

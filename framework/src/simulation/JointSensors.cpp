@@ -7,21 +7,17 @@
 
 namespace viable {
 
-namespace {
-
 /** The noise is cut here [standard deviations]: one reading in 16 000 is. */
 constexpr double kNoiseCut = 4.0;
 constexpr double kTurn = 2.0 * EIGEN_PI;
 /** Times are whole ticks up to rounding. */
 constexpr double kTickRounding = 1e-6;
 
-std::int64_t toTick(double time_s, double tick_s) {
+static std::int64_t toTick(double time_s, double tick_s) {
     const double tick = std::ceil(time_s / tick_s - kTickRounding);
     constexpr double kLast = 9e18;
     return tick < kLast ? static_cast<std::int64_t>(tick) : std::numeric_limits<std::int64_t>::max();
 }
-
-}  // namespace
 
 TickWindow TickWindow::make(double from_s, double until_s, double tick_s, const Parameters& parameters,
                             const std::string& what) {

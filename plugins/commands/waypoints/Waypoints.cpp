@@ -9,24 +9,20 @@
 
 namespace viable {
 
-namespace {
-
 // A point counts as reached this much early [s], because k * tick falls on either side of a time
 // written in decimals.
 constexpr double kTimeTolerance_s = 1e-9;
 
-std::string text(double value) {
+static std::string text(double value) {
     return detail::format("%.10g", value);
 }
 
 // Where row i stands in the file.
-std::string findRowPlace(const Parameters& parameters, std::size_t i) {
+static std::string findRowPlace(const Parameters& parameters, std::size_t i) {
     const ConfigNode* node = parameters.resolved().find("points");
     if (node && i < node->items.size() && node->items[i].line > 0) return node->items[i].place();
     return parameters.place("points") + "[" + std::to_string(i) + "]";
 }
-
-}  // namespace
 
 void Waypoints::configure(const RunSetup& setup, const Parameters& parameters) {
     n_ = setup.size();

@@ -6,16 +6,12 @@
 
 namespace viable {
 
-namespace {
-
 /** A Newton step this small, relative to the distance from the target, is rounding. */
 constexpr double kRounding = 1e-12;
 /** Halvings of the line search; each doubles the accuracy of a step that need not be exact. */
 constexpr int kHalvings = 30;
 
 constexpr std::size_t kRows = ExponentialBarrierRows::kRows;
-
-}  // namespace
 
 void SoftCbf::configure(const RunSetup& setup, const Parameters& parameters) {
     options_ = parameters.get<SoftCbfOptions>();

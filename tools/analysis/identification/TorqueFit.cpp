@@ -6,26 +6,24 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** A mass at the tool is a point within this of the tool frame [m], once it is so many standard errors from zero. */
 constexpr double kFarthestCentre = 1.0;
 constexpr double kSureMass = 5.0;
 
 /** The derivative of calcBend(). */
-double calcBendSlope(double x) {
+static double calcBendSlope(double x) {
     if (std::abs(x) < 1e-3) return -0.5 + x * (1.0 / 3.0 - x * 0.125);
     return (x * std::exp(-x) + std::expm1(-x)) / (x * x);
 }
 
 /** Derivative of the second moments' torque by the moments. */
-Eigen::Vector3d calcSecond(const TorqueEquation& row, const FitValues& values) {
+static Eigen::Vector3d calcSecond(const TorqueEquation& row, const FitValues& values) {
     const auto& y = row.payload;
     Eigen::Matrix3d form;  // symmetric: the torque is the sum of S_ij m c_i c_j, i <= j
     form << 2.0 * y[4], y[7], y[9], y[7], 2.0 * y[5], y[8], y[9], y[8], 2.0 * y[6];
     return form * values.moment / values.mass;
 }
-void take(const FitLayout& layout, const Eigen::VectorXd& step, double share, FitValues& values) {
+static void take(const FitLayout& layout, const Eigen::VectorXd& step, double share, FitValues& values) {
     const auto add = [&](int place, double& value) {
         if (place >= 0) value += share * step[place];
     };
@@ -42,8 +40,6 @@ void take(const FitLayout& layout, const Eigen::VectorXd& step, double share, Fi
     for (int k = 0; k < 3; ++k) add(layout.moment[k], values.moment[k]);
     for (std::size_t b = 0; b < layout.bodies.size(); ++b) add(layout.bodies[b], values.bodies[b]);
 }
-
-}  // namespace
 
 double calcBend(double x) {
     return std::abs(x) < 1e-5 ? 1.0 - 0.5 * x : -std::expm1(-x) / x;

@@ -215,10 +215,8 @@ bool isExportedCsv(const std::vector<std::string>& header) {
            });
 }
 
-namespace {
-
 /** The columns of what `viable export` writes. */
-CsvPlan planExport(const std::vector<std::string>& header, LoggedArm arm, const std::string& where) {
+static CsvPlan planExport(const std::vector<std::string>& header, LoggedArm arm, const std::string& where) {
     const bool isReal = arm == LoggedArm::Real;
     Planner planner(header, where);
     planner.use(0, "", *findUnit("s"));
@@ -234,8 +232,6 @@ CsvPlan planExport(const std::vector<std::string>& header, LoggedArm arm, const 
     if (!hasArm && isReal) throw badInput(where, "the exported log has no real arm", kNoRealArmRemedy);
     return planner.finish();
 }
-
-}  // namespace
 
 CsvPlan planCsvColumns(const std::vector<std::string>& header, const MotionRecordOptions& options,
                        const std::string& where) {

@@ -8,13 +8,11 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Gaps longer than this many readings part the record. */
 constexpr double kLongGap = 256.0;
 
 /** The step that all distances of the values are multiples of, by Euclid's algorithm; 0 where there is none. */
-double findQuantum(std::vector<double> values) {
+static double findQuantum(std::vector<double> values) {
     std::sort(values.begin(), values.end());
     const double size = std::max(std::abs(values.front()), std::abs(values.back()));
     const double blur = 64.0 * std::numeric_limits<double>::epsilon() * size;  // rounding of the file's own numbers
@@ -44,8 +42,6 @@ double findQuantum(std::vector<double> values) {
     return quantum;
 }
 
-}  // namespace
-
 Readings Readings::makeEmpty() const {
     Readings empty;
     empty.offset = offset;
@@ -69,10 +65,8 @@ void Readings::addSegment(const Readings& other, std::size_t first, std::size_t 
     append(source, other.source);
 }
 
-namespace {
-
 /** Leaves out single readings far from a smooth curve through their neighbours. */
-void dropSpikes(Readings& r) {
+static void dropSpikes(Readings& r) {
     // Distance of a reading from the cubic through two neighbours on each side.
     std::vector<double> distances(r.values.size(), 0.0);
     for (const auto& [first, end] : r.segments)
@@ -99,7 +93,7 @@ void dropSpikes(Readings& r) {
 }
 
 /** What rounding does to the readings that are used. */
-void findGrain(Readings& r) {
+static void findGrain(Readings& r) {
     std::vector<double> values;
     for (std::size_t i = 0; i < r.values.size(); ++i)
         if (r.isUsed[i]) values.push_back(r.values[i]);
@@ -115,14 +109,12 @@ void findGrain(Readings& r) {
     r.leastVariance = grain * grain / 12.0;
 }
 
-std::vector<double> listIntervals(const Readings& r) {
+static std::vector<double> listIntervals(const Readings& r) {
     std::vector<double> intervals;
     for (const auto& [first, end] : r.segments)
         for (std::size_t i = first; i + 1 < end; ++i) intervals.push_back(r.times_s[i + 1] - r.times_s[i]);
     return intervals;
 }
-
-}  // namespace
 
 Readings makeReadings(const std::vector<double>& times_s, const std::vector<double>& values, const std::string& where) {
     VIABLE_CHECK(times_s.size() == values.size(), "one reading per time");

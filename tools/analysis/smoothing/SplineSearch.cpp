@@ -4,8 +4,6 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** Knots at most [per reading]: where noise is small, motion changes between two readings. */
 constexpr double kKnotsPerReading = 4.0;
 /** Roughness of a piece of the motion over that of all, at most, and its inverse at least. */
@@ -21,7 +19,7 @@ constexpr double kCounting = 4.0;
 constexpr std::size_t kSearched = 16384, kSearchedPiece = 1024;
 
 /** Pieces of a long record: half of them evenly spread, half where the readings stray most from a straight line. */
-Readings makeSample(const Readings& readings) {
+static Readings makeSample(const Readings& readings) {
     if (readings.values.size() <= kSearched) return readings;
     struct Candidate {
         std::size_t first, end;
@@ -56,8 +54,6 @@ Readings makeSample(const Readings& readings) {
         if (isTaken[i]) sample.addSegment(readings, candidates[i].first, candidates[i].end);
     return sample;
 }
-
-}  // namespace
 
 Roughness refine(const SplineFit& fit) {
     constexpr std::size_t kReach = 8;     // pieces on either side that count

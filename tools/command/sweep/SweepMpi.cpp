@@ -86,10 +86,6 @@ private:
     int rank_ = 0, size_ = 1;
 };
 
-std::string packRuns(const std::int64_t* runs, std::size_t count) {
-    return kRuns + std::string(reinterpret_cast<const char*>(runs), count * sizeof *runs);
-}
-
 std::vector<std::int64_t> unpackRuns(const std::string& message) {
     std::vector<std::int64_t> runs((message.size() - 1) / sizeof(std::int64_t));
     std::memcpy(runs.data(), message.data() + 1, runs.size() * sizeof(std::int64_t));
@@ -159,7 +155,8 @@ bool serveMpiRuns(const SweepTask& task, const std::vector<std::int64_t>& runs, 
         const std::size_t share = left / (kShares * static_cast<std::size_t>(mpi.size() - 1));
         const std::size_t count =
             std::min(left, std::clamp<std::size_t>(share, jobs, std::max<std::size_t>(jobs, kMostRunsSent)));
-        mpi.send(sender, packRuns(runs.data() + next, count));
+        const auto* const sent = reinterpret_cast<const char*>(runs.data() + next);
+        mpi.send(sender, kRuns + std::string(sent, count * sizeof runs[next]));
         next += count;
     }
     mpi.end();

@@ -8,13 +8,11 @@
 
 namespace viable {
 
-namespace {
-
 /** Runs of which one at least must be well configured: they say which joints there are. */
 constexpr std::int64_t kTriedRuns = 10;
 
 /** Without the places of plugin libraries, which differ from machine to machine: the plugins are named. */
-std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {
+static std::string hidePlaces(std::string message, const std::set<std::filesystem::path>& libraries) {
     for (const std::filesystem::path& library : libraries) {
         message = detail::replaceAll(std::move(message), " (" + library.string() + ")", "");
         message = detail::replaceAll(std::move(message), library.string(), library.filename().string());
@@ -23,14 +21,14 @@ std::string hidePlaces(std::string message, const std::set<std::filesystem::path
 }
 
 /** A draw in another case's block is none of this one. */
-bool belongsTo(const std::string& keyPath, const std::string& caseName) {
+static bool belongsTo(const std::string& keyPath, const std::string& caseName) {
     const std::string cases = "cases.";
     return keyPath.compare(0, cases.size(), cases) != 0 ||
            keyPath.compare(cases.size(), caseName.size() + 1, caseName + ".") == 0;
 }
 
 /** The bound of a case is known to every run then. What its plugins complain of is for the runs to tell. */
-void readBound(const CasePlan& plan) {
+static void readBound(const CasePlan& plan) {
     if (!plan.disturbances) return;
     try {
         applyBound(plan, *configureTracking(plan));
@@ -38,8 +36,6 @@ void readBound(const CasePlan& plan) {
         if (e.kind() != ErrorKind::PluginFailed) throw;
     }
 }
-
-}  // namespace
 
 SweepTask::SweepTask(const SweepArguments& arguments)
     : arguments_(arguments),

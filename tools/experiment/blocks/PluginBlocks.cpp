@@ -8,11 +8,9 @@
 
 namespace viable::detail {
 
-namespace {
-
 /** What the file says, as it is written, and `plugin` as given: which parameters a class in Python takes, it tells when it is
 made. Values are scalars, lists of numbers, and lists of such lists. */
-Parameters readPythonParameters(ConfigNode block, const std::string& plugin, int joints) {
+static Parameters readPythonParameters(ConfigNode block, const std::string& plugin, int joints) {
     std::vector<std::string> names;
     for (const auto& entry : block.entries) names.push_back(entry.first);
     std::vector<ParameterSpec> specs;
@@ -33,8 +31,6 @@ Parameters readPythonParameters(ConfigNode block, const std::string& plugin, int
     }
     return readParameters(block, specs.data(), specs.size(), joints);
 }
-
-}  // namespace
 
 PluginChoice readPlugin(const ConfigNode& block, PluginKind kind, const PluginLoader& loader, int joints) {
     if (block.kind != ConfigNode::Kind::Map || !block.find("plugin")) {

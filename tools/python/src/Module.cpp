@@ -8,10 +8,8 @@
 
 namespace viable::python {
 
-namespace {
-
 /** Raises the library's errors as viable.Error (viable/_errors.py). */
-void translate(std::exception_ptr thrown) {
+static void translate(std::exception_ptr thrown) {
     try {
         if (thrown) std::rethrow_exception(thrown);
     } catch (const Error& e) {
@@ -24,14 +22,12 @@ void translate(std::exception_ptr thrown) {
 }
 
 /** The file of libviable, from which program, plugins and robots are found. */
-std::string findLibrary() {
+static std::string findLibrary() {
     Dl_info info{};
     const auto address =
         reinterpret_cast<const void*>(static_cast<RobotDescription (*)(const std::filesystem::path&)>(&loadRobot));
     return dladdr(address, &info) != 0 && info.dli_fname ? info.dli_fname : "";
 }
-
-}  // namespace
 
 }  // namespace viable::python
 
