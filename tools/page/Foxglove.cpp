@@ -7,25 +7,21 @@
 
 namespace viable {
 
-namespace {
-
 using nlohmann::json;
 
 constexpr char kProtocols[][24] = {"foxglove.websocket.v1", "foxglove.sdk.v1"};
 constexpr std::uint8_t kMessageData = 1;
 constexpr int kStatusError = 2;
 
-std::string dump(const json& text) {
+static std::string dump(const json& text) {
     return text.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
 /** A whole number of 32 bits. */
-std::optional<std::uint32_t> readId(const json& number) {
+static std::optional<std::uint32_t> readId(const json& number) {
     if (!number.is_number_unsigned() || number.get<std::uint64_t>() > 0xffffffffu) return {};
     return number.get<std::uint32_t>();
 }
-
-}  // namespace
 
 FoxgloveChannels::FoxgloveChannels(const LogLayout& layout, const std::string& name)
     : joints_(static_cast<int>(layout.jointNames.size())) {

@@ -7,12 +7,10 @@
 
 namespace viable::detail {
 
-namespace {
-
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-std::string getNow() {
+static std::string getNow() {
     const std::time_t now = std::time(nullptr);
     char text[32];
     std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));
@@ -20,7 +18,8 @@ std::string getNow() {
 }
 
 /** The page with its two blocks of data in place. */
-std::string fill(const std::string& page, const fs::path& file, const std::string& data, const std::string& binary) {
+static std::string fill(const std::string& page, const fs::path& file, const std::string& data,
+                        const std::string& binary) {
     std::string text;
     std::size_t done = 0;
     for (const auto& [mark, content] : {std::pair<std::string, const std::string&>{"@@VIABLE_DATA@@", data},
@@ -35,8 +34,6 @@ std::string fill(const std::string& page, const fs::path& file, const std::strin
     }
     return text.append(page, done, std::string::npos);
 }
-
-}  // namespace
 
 Page::Page(const fs::path& file) : file_(file), text_(readWhole(file).value_or("")) {
     if (text_.empty())

@@ -8,11 +8,9 @@
 
 namespace viable::detail {
 
-namespace {
-
 using nlohmann::json;
 
-json describeShape(const LinkShape& shape, BinaryBlock& block) {
+static json describeShape(const LinkShape& shape, BinaryBlock& block) {
     switch (shape.kind) {
         case LinkShape::Kind::Capsule:
             return {
@@ -33,14 +31,14 @@ json describeShape(const LinkShape& shape, BinaryBlock& block) {
     return nullptr;
 }
 
-json makeLink(const std::string& name, int parent, int joint, const Eigen::Isometry3d& origin,
-              const Eigen::Vector3d& axis) {
+static json makeLink(const std::string& name, int parent, int joint, const Eigen::Isometry3d& origin,
+                     const Eigen::Vector3d& axis) {
     return {{"name", name},         {"parent", parent},        {"joint", joint},  {"origin", toJson(origin)},
             {"axis", toJson(axis)}, {"shapes", json::array()}, {"color", nullptr}};
 }
 
 /** Which meshes are not drawn, for the reader of the page; empty when all are. */
-std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
+static std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
     std::string text;
     for (const LinkShapes& link : links) {
         if (link.lostMeshes.empty()) continue;
@@ -59,8 +57,6 @@ std::string describeLostMeshes(const std::vector<LinkShapes>& links) {
            ". Put each into the robot's folder under the path by which the URDF names it, or the end of that path, as "
            "STL, OBJ, PLY, DAE or glTF.";
 }
-
-}  // namespace
 
 json describeScene(const std::filesystem::path& robotFolder, BinaryBlock& block, json& joints) {
     RobotDescription robot;

@@ -7,8 +7,6 @@
 
 namespace viable {
 
-namespace {
-
 /** An arm that rests at a limit is measured beyond it by no more [counts]. */
 constexpr double kOutsideCounts = 4.0, kOutside = 1e-4;  // [rad, m]
 
@@ -31,7 +29,7 @@ constexpr char kOnStillness[] =
 constexpr char kOnKnownStillness[] =
     "Check the encoder, its wiring and the brake, or see what the joint ran against. Where it only sticks, its dry "
     "friction is larger than actuation.yaml says. The robust loop was not given its readings any more.";
-const char* explainStillness(const RunSetup& setup, int joint) {
+static const char* explainStillness(const RunSetup& setup, int joint) {
     return setup.robot.actuation.friction.coulomb[joint] > 0.0 ? kOnKnownStillness : kOnStillness;
 }
 constexpr char kOnLostTracking[] =
@@ -63,7 +61,7 @@ constexpr char kOnLeftLimits[] =
     "The bound holds while the nominal arm keeps the limits: use a filter that guarantees them, such as "
     "certified_braking.";
 
-bool areWithin(const JointBounds& bounds, const JointVector& values) {
+static bool areWithin(const JointBounds& bounds, const JointVector& values) {
     for (Eigen::Index i = 0; i < values.size(); ++i) {
         const double lower = bounds.lower[i], upper = bounds.upper[i];
         const double tolerance = kOutsideShare * calcLimitScale(lower, upper);
@@ -72,11 +70,9 @@ bool areWithin(const JointBounds& bounds, const JointVector& values) {
     return true;
 }
 
-const char* getJointName(const RobotDescription& robot, int joint) {
+static const char* getJointName(const RobotDescription& robot, int joint) {
     return robot.joints[joint].name.c_str();
 }
-
-}  // namespace
 
 ControlLoop::ControlLoop(const RunSetup& setup, LoopPlugins plugins, const RealArmOptions& options)
     : setup_(setup),

@@ -2,8 +2,6 @@
 
 namespace viable {
 
-namespace {
-
 constexpr double kLargestDecision = 1e9;
 constexpr const char* kTooLarge = "its decision is beyond 1e9";
 
@@ -16,14 +14,14 @@ constexpr char kOnLimits[] =
 constexpr char kOnDivergence[] =
     "Controller and nominal arm diverge: lower its gains or the tick, or use a filter that keeps the limits.";
 
-bool isUsable(const MotionCommand& command, int n) {
+static bool isUsable(const MotionCommand& command, int n) {
     if (command.space == MotionCommand::Space::Joint) return isFinite(command.q, n) && isFinite(command.qd, n);
     return command.tool.position.allFinite() && command.tool.orientation.coeffs().allFinite() &&
            command.toolTwist.allFinite();
 }
 
 /** What the plugin wrote is one of the words that the log and the summary know. */
-bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
+static bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
     if (status > FilterStatus::Ended || d.held > HeldQuantity::Acceleration) return false;
     for (int i = 0; i < n; ++i)
         if (static_cast<int>(d.joints[i].limit) >= countLimitKinds() || d.joints[i].side < LimitSide::Lower ||
@@ -33,14 +31,12 @@ bool areKnown(FilterStatus status, const FilterDecision& d, int n) {
 }
 
 /** What is wrong with a decision and the motion that it gives, or null. */
-const char* findFault(const FilterDecision& d, const HeldMotion& motion, double tick_s, int n) {
+static const char* findFault(const FilterDecision& d, const HeldMotion& motion, double tick_s, int n) {
     if (!isFinite(d.value, n)) return "its decision has the wrong size or is not finite";
     if (!isBounded(motion.torque, n) || !isBounded(motion.acceleration, n) || !isBounded(motion.jerk * tick_s, n))
         return kTooLarge;
     return nullptr;
 }
-
-}  // namespace
 
 bool isBounded(const JointVector& v, int n) {
     return isFinite(v, n) && v.lpNorm<Eigen::Infinity>() <= kLargestDecision;

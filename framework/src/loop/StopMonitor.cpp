@@ -10,8 +10,6 @@
 
 namespace viable {
 
-namespace {
-
 /** A stop of more ticks has no end. */
 constexpr double kMaxStopTicks = 1e12;
 /** A joint slower than this has come to rest, where a stop holds accelerations. [rad/s] */
@@ -24,7 +22,7 @@ constexpr double kMarginResolution = 1e4;
 constexpr double kPatience_s = 1.0;
 
 /** For a path that goes far beyond its limits rounding grows with it. */
-double widenTolerance(double tolerance, double extreme) {
+static double widenTolerance(double tolerance, double extreme) {
     return std::max(tolerance, kMonitorShare * std::abs(extreme));
 }
 
@@ -36,7 +34,7 @@ constexpr LimitKind kKinds[] = {LimitKind::Position, LimitKind::Velocity, LimitK
 constexpr AxisLimits kUnbounded{-kInfinity, kInfinity, -kInfinity, kInfinity,
                                 -kInfinity, kInfinity, -kInfinity, kInfinity};
 
-double popJerk(std::array<GridStop::Segment, GridStop::kSegments>& segments) {
+static double popJerk(std::array<GridStop::Segment, GridStop::kSegments>& segments) {
     for (GridStop::Segment& segment : segments) {
         if (segment.ticks == 0) continue;
         --segment.ticks;
@@ -46,11 +44,9 @@ double popJerk(std::array<GridStop::Segment, GridStop::kSegments>& segments) {
 }
 
 /** The acceleration to hold in the next tick on the way to v = 0. */
-double calcBrakingAcceleration(double v, const AxisLimits& limits, double tick_s) {
+static double calcBrakingAcceleration(double v, const AxisLimits& limits, double tick_s) {
     return std::clamp(-v / tick_s, limits.accelerationLower, limits.accelerationUpper);
 }
-
-}  // namespace
 
 /** One joint's way through a tick and its stop. */
 struct StopMonitor::Path {

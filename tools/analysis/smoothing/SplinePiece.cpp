@@ -5,13 +5,11 @@
 
 namespace viable::detail {
 
-namespace {
-
 using Matrix4 = SplinePiece::Matrix4;
 using Matrix8 = SplinePiece::Matrix8;
 
 /** exp(A u) of the chain p' = v, v' = a, a' = j. */
-Matrix4 makeTransition(double u) {
+static Matrix4 makeTransition(double u) {
     Matrix4 F = Matrix4::Zero();
     for (int row = 0; row < 4; ++row)
         for (int column = row; column < 4; ++column)
@@ -20,7 +18,7 @@ Matrix4 makeTransition(double u) {
 }
 
 /** Covariance that white noise of density 1 in j' leaves after u. */
-Matrix4 makeProcess(double u) {
+static Matrix4 makeProcess(double u) {
     constexpr double kFactorial[] = {6.0, 2.0, 1.0, 1.0};  // (3 - row)!
     double powers[8] = {1.0};
     for (int power = 1; power < 8; ++power) powers[power] = powers[power - 1] * u;
@@ -32,8 +30,6 @@ Matrix4 makeProcess(double u) {
         }
     return Q;
 }
-
-}  // namespace
 
 double factorial(int n) {
     double product = 1.0;

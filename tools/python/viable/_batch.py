@@ -52,18 +52,16 @@ class Batch(_viable.Batch):
         """A row for each of `arms` between its rows of `lower` and `upper`, where nothing is too near."""
         middle, half = (lower + upper) / 2, (upper - lower) / 2
         poses = middle + half * rng.uniform(-1, 1, middle.shape)
-        if not self._keeps_clear:
-            return poses
-        open_ = np.array(self._find_unusable(arms, poses), int)
+        open_ = np.array(self._find_unusable(arms, poses) if self._keeps_clear else [], int)
         for _ in range(999):
             if len(open_) == 0:
-                return poses
+                break
             poses[open_] = middle[open_] + half[open_] * rng.uniform(-1, 1, (len(open_), self.joints))
             open_ = open_[self._find_unusable(arms[open_], poses[open_])]
-        if len(open_) == 0:
-            return poses
-        raise InputError("Batch.random_poses", f"of 1000 poses of arm {arms[open_[0]]} each is too near to something",
-                            "Look at the environment and its safety_distance_m.")
+        if len(open_) > 0:
+            raise InputError("Batch.random_poses", f"of 1000 poses of arm {arms[open_[0]]} each is too near to something",
+                             "Look at the environment and its safety_distance_m.")
+        return poses
 
     def random_reset(self, rng: np.random.Generator, mask: Any = None, share: float = 0.8) -> None:
         """Puts arms at rest to random_poses(rng, mask, share)."""

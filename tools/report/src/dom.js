@@ -22,6 +22,20 @@ export function el(kind, ...children) {
   return element;
 }
 
+export const part = (id) => document.getElementById(id);
+
+/** Starts the page of a report. What goes wrong is told as `explain(error)` says; the message is text, whatever it holds. */
+export function startPage(start, explain) {
+  const tell = (error) => {
+    part('loading').hidden = true;
+    part('message').textContent = explain(error);
+    part('message').hidden = false;
+  };
+  addEventListener('error', (event) => tell(event.error ?? event.message));
+  addEventListener('unhandledrejection', (event) => tell(event.reason));
+  start().catch(tell);
+}
+
 const ICONS = {
   play: 'M5 3l9 5-9 5z',
   pause: 'M4 3h3v10H4zM9 3h3v10H9z',

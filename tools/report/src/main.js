@@ -1,6 +1,7 @@
 import { DataError } from './blocks.js';
 import { fillToolbar, fillTransport } from './controls.js';
 import { loadRun } from './data.js';
+import { part, startPage } from './dom.js';
 import { figureText } from './exporting.js';
 import { createHelp, listenToKeys } from './keyboard.js';
 import { createPlayer } from './player.js';
@@ -12,19 +13,8 @@ import { fillDetails, fillHead, fillSummary, JointTable } from './table.js';
 import { initTheme } from './theme.js';
 import { Verification } from './verification.js';
 
-const part = (id) => document.getElementById(id);
-
-/** Tells the reader what went wrong; the message is text, whatever it holds. */
-function showMessage(text) {
-  part('message').textContent = text;
-  part('message').hidden = false;
-}
-
-function explain(error) {
-  part('loading').hidden = true;
-  if (error instanceof DataError) showMessage(`This report cannot be shown. ${error.message}`);
-  else showMessage(`A part of this report cannot be shown: ${error?.message ?? error}`);
-}
+const explain = (error) =>
+  error instanceof DataError ? `This report cannot be shown. ${error.message}` : `A part of this report cannot be shown: ${error?.message ?? error}`;
 
 async function start() {
   let state = null;
@@ -51,6 +41,4 @@ async function start() {
   window.viableReport = { state, replay, figure: (options) => figureText(state, options) }; // for scripts
 }
 
-addEventListener('error', (event) => explain(event.error ?? event.message));
-addEventListener('unhandledrejection', (event) => explain(event.reason));
-start().catch(explain);
+startPage(start, explain);

@@ -1,5 +1,5 @@
 import { unpackBlocks } from '../blocks.js';
-import { el, tellHeight } from '../dom.js';
+import { el, part, tellHeight } from '../dom.js';
 import { Emitter } from '../emitter.js';
 import { initTheme } from '../theme.js';
 import { Hand } from './hand.js';
@@ -18,7 +18,6 @@ const NO_CONNECTION = 'No connection: use the arm’s own stop.';
 const ENDED = 'The arm has been stopped, and the program has ended. What is seen here is how it was last.';
 const FAILED = 'The program has ended after a fault. If the arm still moves, use its own stop. What is seen here is how it was last.';
 
-const part = (id) => document.getElementById(id);
 const page = new Emitter();
 const link = new Link();
 let failure = ''; // of the page itself

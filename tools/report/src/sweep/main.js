@@ -1,5 +1,5 @@
 import { DataError } from '../blocks.js';
-import { el } from '../dom.js';
+import { el, part, startPage } from '../dom.js';
 import { initTheme } from '../theme.js';
 import { isOk, loadSweep } from './data.js';
 import { fillHead, fillToolbar } from './head.js';
@@ -9,15 +9,8 @@ import { createSelected } from './selected.js';
 import { State } from './state.js';
 import { RunTable } from './table.js';
 
-const part = (id) => document.getElementById(id);
-
-/** Tells the reader what went wrong; the message is text, whatever it holds. */
-function explain(error) {
-  part('loading').hidden = true;
-  const what = error instanceof DataError ? 'This report' : 'A part of this report';
-  part('message').textContent = `${what} cannot be shown. ${error?.message ?? error}`;
-  part('message').hidden = false;
-}
+const explain = (error) =>
+  `${error instanceof DataError ? 'This report' : 'A part of this report'} cannot be shown. ${error?.message ?? error}`;
 
 function fillDistribution(host, state) {
   const histogram = new ResultHistogram(state);
@@ -99,6 +92,4 @@ async function start() {
   window.viableSweep = { state }; // for scripts
 }
 
-addEventListener('error', (event) => explain(event.error ?? event.message));
-addEventListener('unhandledrejection', (event) => explain(event.reason));
-start().catch(explain);
+startPage(start, explain);
