@@ -1,12 +1,12 @@
 include(GNUInstallDirs)
 
-# viable_add_plugin(NAME KIND command|controller|filter|robust_loop|plant SOURCES file...)
+# viable_add_plugin(NAME KIND command|controller|filter|robust_loop|plant SOURCES file... [LIBRARIES library...])
 #
-# Builds viable_<KIND>_<NAME>.so, a plugin library that `viable` finds by its name. The objects also stand as
+# Builds viable_<KIND>_<NAME>.so, a plugin library that `viable` finds by its name, linked to LIBRARIES. The objects also stand as
 # the target viable_<KIND>_<NAME>_objects, so that a test can link the class itself. The global property
 # VIABLE_PLUGIN_TARGETS lists all libraries, for those that need every plugin built.
 function(viable_add_plugin name)
-  cmake_parse_arguments(arg "" "KIND" "SOURCES" ${ARGN})
+  cmake_parse_arguments(arg "" "KIND" "SOURCES;LIBRARIES" ${ARGN})
   if(NOT arg_KIND MATCHES "^(command|controller|filter|robust_loop|plant)$")
     message(FATAL_ERROR "viable_add_plugin(${name}): KIND must be command, controller, filter, "
                         "robust_loop or plant, not '${arg_KIND}'")
@@ -22,7 +22,7 @@ function(viable_add_plugin name)
   add_library(${target}_objects OBJECT ${arg_SOURCES})
   set_target_properties(${target}_objects PROPERTIES POSITION_INDEPENDENT_CODE ON
     CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
-  target_link_libraries(${target}_objects PUBLIC viable::viable)
+  target_link_libraries(${target}_objects PUBLIC viable::viable ${arg_LIBRARIES})
   target_include_directories(${target}_objects PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
 
   add_library(${target} MODULE)

@@ -5,14 +5,12 @@
 
 namespace viable::detail {
 
-namespace {
-
-double getLargest(const JointBounds& bounds, int joint) {
+static double getLargest(const JointBounds& bounds, int joint) {
     return std::max(std::abs(bounds.lower[joint]), std::abs(bounds.upper[joint]));
 }
 
 /** No place is farther from the base [m]. */
-double calcReach(const RobotDescription& robot) {
+static double calcReach(const RobotDescription& robot) {
     double reach = robot.toolPlacement.translation().norm();
     for (int i = 0; i < robot.size(); ++i)
         reach += robot.joints[i].placement.translation().norm() +
@@ -21,7 +19,7 @@ double calcReach(const RobotDescription& robot) {
 }
 
 /** All numbers of a value, lists in lists too; what is no number is left out. */
-std::vector<double> listNumbers(const ConfigNode& node, std::size_t skipped = 0) {
+static std::vector<double> listNumbers(const ConfigNode& node, std::size_t skipped = 0) {
     std::vector<double> numbers;
     for (std::size_t i = skipped; i < node.items.size(); ++i)
         for (const double number : listNumbers(node.items[i])) numbers.push_back(number);
@@ -33,8 +31,8 @@ std::vector<double> listNumbers(const ConfigNode& node, std::size_t skipped = 0)
 }
 
 /** Adds the first that is unlikely of numbers of the joints, in their order or of any of them. */
-void addJoints(const RobotDescription& robot, const std::string& what, LimitKind kind,
-               const std::vector<double>& values, std::vector<std::string>& found) {
+static void addJoints(const RobotDescription& robot, const std::string& what, LimitKind kind,
+                      const std::vector<double>& values, std::vector<std::string>& found) {
     const JointLimits& limits = robot.limits;
     const JointBounds* const own[] = {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk};
     for (std::size_t k = 0; k < values.size(); ++k) {
@@ -47,8 +45,6 @@ void addJoints(const RobotDescription& robot, const std::string& what, LimitKind
         return;
     }
 }
-
-}  // namespace
 
 std::string explainUnlikely(double value, double own, bool isLength, LimitKind kind) {
     constexpr double kMostPlace = 3.0, kMostShare = 1.25;  // of what the other unit would make of it

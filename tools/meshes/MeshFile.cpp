@@ -73,19 +73,17 @@ Mesh readMesh(const std::string& file, const Eigen::Vector3d& scale) {
     return mesh;
 }
 
-namespace {
-
 const std::string kPackage = "package://";
 
 /** A regular file inside of `folder`, empty for any other. */
-fs::path findInside(const fs::path& folder, const fs::path& path) {
+static fs::path findInside(const fs::path& folder, const fs::path& path) {
     std::error_code failed;
     const fs::path file = folder / path.relative_path();
     const fs::path inside = fs::weakly_canonical(file, failed).lexically_relative(fs::weakly_canonical(folder, failed));
     return !inside.empty() && *inside.begin() != ".." && fs::is_regular_file(file, failed) ? file : fs::path();
 }
 
-fs::path dropFirst(const fs::path& path) {
+static fs::path dropFirst(const fs::path& path) {
     fs::path rest;
     for (auto part = path.begin(); part != path.end(); ++part)
         if (part != path.begin()) rest /= *part;
@@ -94,7 +92,7 @@ fs::path dropFirst(const fs::path& path) {
 
 /** The <name> in a folder's package.xml, empty where there is none. By search and not by an XML reader, which would follow
 a hostile file to any depth. */
-std::string readPackageName(const fs::path& folder) {
+static std::string readPackageName(const fs::path& folder) {
     constexpr std::uintmax_t kMostBytes = 1u << 20;
     const fs::path file = folder / "package.xml";
     std::error_code failed;
@@ -113,7 +111,7 @@ std::string readPackageName(const fs::path& folder) {
 }
 
 /** `path` begins with the package's name. */
-fs::path findInPackage(const fs::path& path, const fs::path& folder, MeshReach reach) {
+static fs::path findInPackage(const fs::path& path, const fs::path& folder, MeshReach reach) {
     if (path.empty()) return {};
     const fs::path package = *path.begin(), rest = dropFirst(path);
     std::error_code failed;
@@ -124,8 +122,6 @@ fs::path findInPackage(const fs::path& path, const fs::path& folder, MeshReach r
             file = findInside(at, rest);
     return file;
 }
-
-}  // namespace
 
 fs::path findMesh(const std::string& name, const fs::path& folder, MeshReach reach) {
     if (name.size() > PATH_MAX) return {};

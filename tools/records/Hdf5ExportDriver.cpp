@@ -42,17 +42,9 @@ herr_t query(const H5FD_t*, unsigned long* flags) {
     return 0;
 }
 
-haddr_t getAllocated(const H5FD_t* file, H5FD_mem_t) {
-    return reinterpret_cast<const File*>(file)->allocated;
-}
-
 herr_t setAllocated(H5FD_t* file, H5FD_mem_t, haddr_t end) {
     get(file).allocated = end;
     return 0;
-}
-
-haddr_t getWritten(const H5FD_t* file, H5FD_mem_t) {
-    return reinterpret_cast<const File*>(file)->written;
 }
 
 herr_t read(H5FD_t* handle, H5FD_mem_t, hid_t, haddr_t at, std::size_t size, void* to) {
@@ -116,9 +108,9 @@ hid_t registerHdf5Driver() {
         d.open = open;
         d.close = close;
         d.query = query;
-        d.get_eoa = getAllocated;
+        d.get_eoa = [](const H5FD_t* file, H5FD_mem_t) { return reinterpret_cast<const File*>(file)->allocated; };
         d.set_eoa = setAllocated;
-        d.get_eof = getWritten;
+        d.get_eof = [](const H5FD_t* file, H5FD_mem_t) { return reinterpret_cast<const File*>(file)->written; };
         d.read = read;
         d.write = write;
         d.truncate = truncate;

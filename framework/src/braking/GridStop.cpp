@@ -4,16 +4,12 @@
 
 namespace viable {
 
-namespace {
-
 using detail::GridPhases;
 using detail::roundUpToTicks;
 
 constexpr int kMaxPlanRounds = 128;
 /** A cruise of so few ticks may be left out for a slower ramp. */
 constexpr int kShortCruise = 3;
-
-}  // namespace
 
 bool GridStop::plan(double v, double a, const AxisLimits& limits, double tick_s) {
     tick_ = 0;

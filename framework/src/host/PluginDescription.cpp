@@ -8,12 +8,10 @@
 
 namespace viable {
 
-namespace {
-
 using detail::Json;
 
 /** What may stand there, in a cell of a table. */
-std::string describeValue(const ParameterSpec& spec) {
+static std::string describeValue(const ParameterSpec& spec) {
     const std::string range = spec.range().text();
     const std::string inRange = range != NumberRange().text() ? " in " + range : "";
     std::string orWords;
@@ -50,7 +48,7 @@ std::string describeValue(const ParameterSpec& spec) {
 }
 
 /** Text that cannot end its cell. */
-std::string escapeCell(const char* text) {
+static std::string escapeCell(const char* text) {
     std::string cell;
     for (const char* c = text ? text : ""; *c; ++c) {
         if (*c == '|') cell += '\\';
@@ -58,8 +56,6 @@ std::string escapeCell(const char* text) {
     }
     return cell;
 }
-
-}  // namespace
 
 std::string describePluginsAsJson(const std::vector<PluginInfo>& plugins, const std::vector<RefusedLibrary>& refused,
                                   bool withGuarantees) {

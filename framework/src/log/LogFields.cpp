@@ -56,18 +56,12 @@ LogField numbers(const std::string& name, LogKind kind, std::vector<std::string>
 
 template <class Get, class Set>
 LogField text(const char* name, LogKind kind, Get get, Set set) {
-    LogField field{name, kind, {}};
-    field.text = get;
-    field.setText = set;
-    return field;
+    return {name, kind, {}, {}, {}, {}, {}, get, set};
 }
 
 template <class Get, class Set>
 LogField integer(const std::string& name, Get get, Set set) {
-    LogField field{name, LogKind::Integer, {}};
-    field.integer = get;
-    field.setInteger = set;
-    return field;
+    return {name, LogKind::Integer, {}, {}, {}, {}, {}, {}, {}, get, set};
 }
 
 /** A truth, as 0 or 1. */

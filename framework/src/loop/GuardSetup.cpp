@@ -12,10 +12,8 @@ std::string quoteJoint(const RobotDescription& robot, int joint) {
     return "joint `" + robot.joints[joint].name + "`";
 }
 
-namespace {
-
 /** Refuses a description that was not built to its end; loadRobot() gives none such. */
-void checkRobot(const char* guard, const RobotDescription& robot) {
+static void checkRobot(const char* guard, const RobotDescription& robot) {
     const std::string n = std::to_string(robot.joints.size());
     if (robot.joints.empty() || robot.joints.size() > static_cast<std::size_t>(kMaxJoints))
         throw badInput(guard, "the robot has " + n + " joints; allowed is 1 to " + std::to_string(kMaxJoints),
@@ -54,7 +52,7 @@ void checkRobot(const char* guard, const RobotDescription& robot) {
           true);
 }
 
-void checkTick(const char* guard, double tick_s) {
+static void checkTick(const char* guard, double tick_s) {
     if (tick_s >= kShortestTick_s && tick_s <= kLongestTick_s) return;
     throw badInput(guard,
                    "the tick is " + formatNumber(tick_s) + " s; allowed is [" + formatNumber(kShortestTick_s) + ", " +
@@ -63,8 +61,8 @@ void checkTick(const char* guard, double tick_s) {
 }
 
 /** The robot's own limits, or those of the options; checked. */
-const JointLimits& checkGuardLimits(const char* guard, const RobotDescription& robot, double tick_s,
-                                    const std::optional<JointLimits>& own) {
+static const JointLimits& checkGuardLimits(const char* guard, const RobotDescription& robot, double tick_s,
+                                           const std::optional<JointLimits>& own) {
     const JointLimits& limits = own ? *own : robot.limits;
     const std::string place =
         std::string(guard) + ": " + (own ? std::string(guard) + "Options" : "RobotDescription") + "::limits";
@@ -78,7 +76,7 @@ const JointLimits& checkGuardLimits(const char* guard, const RobotDescription& r
 }
 
 /** At rest amid the position limits: a state that nobody can refuse, for checking all the rest. */
-MotionState makeRest(const JointLimits& limits) {
+static MotionState makeRest(const JointLimits& limits) {
     const int n = limits.size();
     MotionState rest{JointVector::Zero(n), JointVector::Zero(n), JointVector::Zero(n)};
     for (int i = 0; i < n; ++i) {
@@ -91,8 +89,6 @@ MotionState makeRest(const JointLimits& limits) {
     }
     return rest;
 }
-
-}  // namespace
 
 RunSetup makeGuardSetup(const char* guard, const RobotDescription& robot, double tick_s,
                         const std::optional<JointLimits>& own) {

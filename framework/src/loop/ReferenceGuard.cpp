@@ -8,8 +8,6 @@
 
 namespace viable {
 
-namespace {
-
 using detail::lend;
 
 const char* const kReferenceGuard = "ReferenceGuard";
@@ -17,7 +15,7 @@ const char* const kOptions = "ReferenceGuardOptions";
 
 /** A robot of which nothing counts but where its joints are: torques are made of jerks and back, with an inertia of 1 for
 each joint, which loses no digits. */
-RobotDescription makeKinematic(RobotDescription robot) {
+static RobotDescription makeKinematic(RobotDescription robot) {
     const int n = robot.size();
     if (n > kMaxJoints) return robot;  // refused later
     for (JointDescription& joint : robot.joints) joint.body = {};
@@ -31,8 +29,6 @@ RobotDescription makeKinematic(RobotDescription robot) {
     a.friction.viscousVelocity = ones;
     return robot;
 }
-
-}  // namespace
 
 /** The targets as a command, and limits that change. */
 class ReferenceGuard::Source : public CommandSource {

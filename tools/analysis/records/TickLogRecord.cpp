@@ -8,29 +8,25 @@
 
 namespace viable::detail {
 
-namespace {
-
-bool areSame(const JointVector& a, const JointVector& b) {
+static bool areSame(const JointVector& a, const JointVector& b) {
     return a.size() == b.size() && (a.array() == b.array()).all();
 }
 
-bool areSame(const JointBounds& a, const JointBounds& b) {
+static bool areSame(const JointBounds& a, const JointBounds& b) {
     return areSame(a.lower, b.lower) && areSame(a.upper, b.upper);
 }
 
 /** False also for limits that hold something that is NaN. */
-bool areSame(const JointLimits& a, const JointLimits& b) {
+static bool areSame(const JointLimits& a, const JointLimits& b) {
     return areSame(a.position, b.position) && areSame(a.velocity, b.velocity) &&
            areSame(a.acceleration, b.acceleration) && areSame(a.jerk, b.jerk);
 }
 
-bool isWhole(const JointLimits& limits, Eigen::Index n) {
+static bool isWhole(const JointLimits& limits, Eigen::Index n) {
     for (const JointBounds* bounds : {&limits.position, &limits.velocity, &limits.acceleration, &limits.jerk})
         if (bounds->lower.size() != n || bounds->upper.size() != n) return false;
     return areSame(limits, limits);
 }
-
-}  // namespace
 
 MotionRecord readTickLog(const std::filesystem::path& file, LoggedArm arm) {
     LogReader reader(file);

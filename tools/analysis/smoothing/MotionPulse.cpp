@@ -5,12 +5,10 @@
 
 namespace viable {
 
-namespace {
-
 using detail::factorial;
 
 /** The times-fold integral from 0 to t of a step to 1 that takes rise_s, as 10 u^3 - 15 u^4 + 6 u^5. */
-double integrateStep(double t, double rise_s, int times) {
+static double integrateStep(double t, double rise_s, int times) {
     if (t <= 0.0) return 0.0;
     if (t < rise_s) {
         const double u = t / rise_s;
@@ -28,8 +26,6 @@ double integrateStep(double t, double rise_s, int times) {
     }
     return sum;
 }
-
-}  // namespace
 
 double MotionPulse::calcPosition(double time_s) const {
     const double rise = middle_s - 0.5 * duration_s - rise_s, fall = middle_s + 0.5 * duration_s;

@@ -14,8 +14,6 @@
 
 namespace viable {
 
-namespace {
-
 using Clock = std::chrono::steady_clock;
 
 constexpr int kMostThreads = 256;
@@ -28,18 +26,16 @@ constexpr double kMostMedians = 20.0;
 constexpr int kMostIdleDeaths = 3;
 constexpr std::int64_t kIdle = -1;
 
-std::int64_t now_ns() {
+static std::int64_t now_ns() {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
 }
 
-std::string describeDeath(int status) {
+static std::string describeDeath(int status) {
     if (WIFEXITED(status)) return "its process ended by itself with code " + std::to_string(WEXITSTATUS(status));
     const int signal = WTERMSIG(status);
     if (signal == SIGKILL) return "its process was killed (signal 9), as the system does when memory runs out";
     return "its process was ended by " + detail::describeSignal(signal) + ", outside of any plugin's code";
 }
-
-}  // namespace
 
 /** What both processes see. */
 struct SweepSupervisor::Shared {

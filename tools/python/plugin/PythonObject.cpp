@@ -6,10 +6,8 @@
 
 namespace viable::python {
 
-namespace {
-
 /** A scalar as an experiment file means it: true, a whole number, a number or expression, or else a text. */
-py::object readScalar(const ConfigNode& node) {
+static py::object readScalar(const ConfigNode& node) {
     if (node.quoted) return makeText(node.text);
     if (node.text == "true") return py::bool_(true);
     if (node.text == "false") return py::bool_(false);
@@ -26,7 +24,7 @@ py::object readScalar(const ConfigNode& node) {
     return makeText(node.text);
 }
 
-py::object readNode(const ConfigNode& node) {
+static py::object readNode(const ConfigNode& node) {
     switch (node.kind) {
         case ConfigNode::Kind::Empty:
             break;
@@ -46,7 +44,7 @@ py::object readNode(const ConfigNode& node) {
     return py::none();
 }
 
-py::object makeSetup(const RunSetup& setup) {
+static py::object makeSetup(const RunSetup& setup) {
     const py::handle host = getHost();
     py::list names;
     for (const std::string& name : setup.robot.jointNames()) names.append(makeText(name));
@@ -58,7 +56,7 @@ py::object makeSetup(const RunSetup& setup) {
 }
 
 /** Throws the Error that a Refused of host.py stands for; returns where it is none. */
-void tellRefused(const py::error_already_set& error, const ConfigNode& block) {
+static void tellRefused(const py::error_already_set& error, const ConfigNode& block) {
     if (!error.matches(getHost().attr("Refused"))) return;
     const py::tuple parts = error.value().attr("args");
     const ConfigNode* const parameter = block.find(parts[0].cast<std::string>());
@@ -69,8 +67,6 @@ void tellRefused(const py::error_already_set& error, const ConfigNode& block) {
                        .place(),
                    parts[1].cast<std::string>(), parts[2].cast<std::string>());
 }
-
-}  // namespace
 
 PythonObject::~PythonObject() {
     if (!object_ || !isAlive()) return;
