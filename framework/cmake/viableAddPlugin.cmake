@@ -2,8 +2,8 @@ include(GNUInstallDirs)
 
 # viable_add_plugin(NAME KIND command|controller|filter|robust_loop|plant SOURCES file... [LIBRARIES library...])
 #
-# Builds viable_<KIND>_<NAME>.so, a plugin library that `viable` finds by its name, linked to LIBRARIES. The objects also stand as
-# the target viable_<KIND>_<NAME>_objects, so that a test can link the class itself. The global property
+# Builds viable_<KIND>_<NAME>.so, a plugin library that `viable` finds by its name, linked to LIBRARIES. The objects also
+# stand as the target viable_<KIND>_<NAME>_objects, so that a test can link the class itself. The global property
 # VIABLE_PLUGIN_TARGETS lists all libraries, for those that need every plugin built.
 function(viable_add_plugin name)
   cmake_parse_arguments(arg "" "KIND" "SOURCES;LIBRARIES" ${ARGN})
@@ -12,7 +12,7 @@ function(viable_add_plugin name)
                         "robust_loop or plant, not '${arg_KIND}'")
   endif()
   if(NOT arg_SOURCES OR arg_UNPARSED_ARGUMENTS)
-    message(FATAL_ERROR "viable_add_plugin(${name}): give SOURCES file... and nothing else "
+    message(FATAL_ERROR "viable_add_plugin(${name}): give SOURCES file... and at most LIBRARIES library... "
                         "(not understood: '${arg_UNPARSED_ARGUMENTS}')")
   endif()
   if(NOT name MATCHES "^[a-z][a-z0-9_]*$")

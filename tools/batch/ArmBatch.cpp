@@ -276,9 +276,9 @@ struct ArmBatch::Impl {
             const int begin = static_cast<int>(k) * chunk;
             work(begin, std::min(items, begin + chunk));
         };
-        const std::int64_t most =
-            options.threads > 0 ? std::min<std::int64_t>(options.threads, mostThreads) : mostThreads;
-        detail::forEachAtOnce(count((items + chunk - 1) / chunk), workChunk, static_cast<std::size_t>(most));
+        const std::size_t threads = options.threads > 0 ? count(options.threads) : detail::countCores();
+        detail::forEachAtOnce(count((items + chunk - 1) / chunk), workChunk,
+                              std::min(threads, static_cast<std::size_t>(mostThreads)));
     }
 
     void put(int arm, const MotionState& start, RunSetup& at) {

@@ -44,12 +44,13 @@ FolderClaim::FolderClaim(const fs::path& folder) : file_(folder / kClaim) {
     if (lock_ >= 0 && ::flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
         throw badInput("--out " + folder.string(), "another run or sweep writes into this folder",
                        "Name another folder.");
-    const detail::Descriptor descriptor(::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-    if (descriptor < 0 && errno == EEXIST)
+    const int claim = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (claim >= 0) ::close(claim);  // what stays open can, on other machines' disks, not be deleted
+    if (claim < 0 && errno == EEXIST)
         throw badInput("--out " + folder.string(),
                        std::string("another run has this folder: its ") + kClaim + " is there",
                        "Name another folder. Only if that run was killed, delete " + file_.string() + ".");
-    if (descriptor < 0)
+    if (claim < 0)
         throw Error(ErrorKind::LogNotWritten, folder.string(),
                     "nothing can be written here: " + std::generic_category().message(errno),
                     "Name another place with --out DIR.");

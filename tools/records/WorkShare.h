@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 
 #include "core/AtOnce.h"
@@ -21,7 +22,7 @@ struct WorkShare {
             work(i);
             tell(what, begin + own * static_cast<double>(++done) / static_cast<double>(count));
         };
-        detail::forEachAtOnce(count, workAndTell, most);
+        detail::forEachAtOnce(count, workAndTell, std::min(most, detail::countCores()));
         tell(what, begin + own);
     }
 };

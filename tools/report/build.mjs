@@ -32,7 +32,7 @@ function bundle(file) {
   options.push('--legal-comments=none'); // the licences stand whole in the head of the page
   const env = { ...process.env, NODE_PATH: modules };
   const stdio = ['ignore', 'pipe', 'inherit'];
-  return execFileSync('esbuild', [file, ...options], { cwd: folder, env, stdio, encoding: 'utf8', maxBuffer: 1e8 }).trim();
+  return execFileSync(process.env.ESBUILD ?? 'esbuild', [file, ...options], { cwd: folder, env, stdio, encoding: 'utf8', maxBuffer: 1e8 }).trim();
 }
 
 /**

@@ -6,7 +6,7 @@
 //     strongest dependences
 //   node screenshots.mjs REPORT PICTURE.png --verification [--from 4] [--to 6] ...: the section of `viable verify`
 // FOLDER holds node_modules (default: this one). The pictures have few colours (--colours), which keeps them small: this needs
-// Debian's package pngquant.
+// Debian's package pngquant (apt-get install pngquant).
 import { execFileSync } from 'node:child_process';
 import { writeFile } from 'node:fs/promises';
 import { createRequire } from 'node:module';

@@ -10,14 +10,14 @@
 
 namespace viable::detail {
 
-/** That this process may use. */
-static std::size_t countCores() {
+std::size_t countCores() {
     cpu_set_t cores;
     if (sched_getaffinity(0, sizeof cores, &cores) == 0) return static_cast<std::size_t>(CPU_COUNT(&cores));
-    return std::thread::hardware_concurrency();
+    static const std::size_t all = std::thread::hardware_concurrency();  // takes long to find
+    return all;
 }
 
-void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& work, std::size_t most) {
+void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& work, std::size_t threads) {
     std::vector<std::exception_ptr> errors(count);
     std::atomic<std::size_t> next{0};
     std::atomic<bool> hasFailed{false};
@@ -32,7 +32,7 @@ void forEachAtOnce(std::size_t count, const std::function<void(std::size_t)>& wo
         }
     };
     std::vector<std::thread> others;
-    const std::size_t threads = std::min({countCores(), count, most});
+    threads = std::min(threads, count);
     others.reserve(threads);
     try {
         while (others.size() + 1 < threads) others.emplace_back(run);

@@ -25,6 +25,7 @@ const char* enumName(decltype(last) value, const char* const (&names)[n], const 
 /** What printf takes of a value. */
 template <class Value>
 const Value& forPrintf(const Value& value) {
+    static_assert(std::is_scalar_v<Value> || std::is_array_v<Value>, "no argument of printf");
     return value;
 }
 inline const char* forPrintf(const std::string& text) {

@@ -191,7 +191,8 @@ function goRound(sink, [first, last], at, frame) {
       continue;
     }
     const x = frame.toX(time);
-    const [lower, upper] = [least, most].map((value) => nearPlot(value, frame));
+    const lower = nearPlot(least, frame);
+    const upper = nearPlot(most, frame);
     const column = edge.at(-1);
     if (column && x - column[0] < pixel) {
       column[1] = Math.max(column[1], lower);
