@@ -12,17 +12,18 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/** Mass of a link by the volume of what is drawn of it [kg/m^3]: motors and gears in a hollow body. In the middle of 599
-links of 320 public URDFs; half of them have 880 to 2330. */
+/** Mass of a link by the volume of what is drawn of it [kg/m^3]: motors and gears in a hollow body. Near the middle, 1240,
+of 416 drawn links of public URDFs; half of them have 640 to 1890. Of 29 arms with makers' figures it meets 83 % of the masses
+within a factor of 3, and 75 % of the inertias. */
 constexpr double kDensity = 1280.0;
 /** Radius of a link that nobody drew, as a share of the arm's length. With it the masses of public arms, once taken away,
 are met in the middle. */
 constexpr double kTubeShare = 0.035;
 /** Length of an arm whose joints all lie in one point [m]. */
 constexpr double kSmallArm = 0.1;
-/** The volume of a mesh counts from this share of its capsule on: loose faces enclose less. A capsule that stands for
-a mesh is filled so far. */
-constexpr double kLeastFill = 0.2, kFill = 0.6;
+/** A mesh encloses what it draws where its faces, as vectors, add up to no more than this share of their area. A capsule
+that stands for one with holes is filled so far. */
+constexpr double kClosed = 1e-3, kFill = 0.6;
 /** A drawn link is in another unit where it is longer than this [m], and than so many times the arm. */
 constexpr double kLargestLink = 10.0, kLargestShare = 10.0;
 
@@ -37,7 +38,8 @@ BodyInertia calcCapsule(const DraftCapsule& c) {
             across * Matrix3d::Identity() + (along - across) * axis * axis.transpose()};
 }
 
-/** Moments of the volume that triangles enclose: sums over the tetrahedra to a point among them. */
+/** Moments of the volume that triangles enclose: sums over the tetrahedra to a point among them. None where they leave
+holes. */
 BodyInertia calcEnclosed(const Mesh& mesh) {
     const auto get = [&](std::size_t i) {
         const float* p = mesh.positions.data() + 3 * static_cast<std::size_t>(mesh.indices[i]);
@@ -48,13 +50,19 @@ BodyInertia calcEnclosed(const Mesh& mesh) {
     BodyInertia body;
     Vector3d first = Vector3d::Zero();
     Matrix3d second = Matrix3d::Zero();
+    Vector3d faces = Vector3d::Zero();
+    double area = 0.0;
     for (std::size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
         const Vector3d a = get(i) - middle, b = get(i + 1) - middle, c = get(i + 2) - middle, sum = a + b + c;
         const double volume = a.dot(b.cross(c)) / 6.0;
+        const Vector3d face = (b - a).cross(c - a);
+        faces += face;
+        area += face.norm();
         body.mass += volume;
         first += volume / 4.0 * sum;
         second += volume / 20.0 * (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose());
     }
+    if (faces.norm() > kClosed * area) return {};
     if (body.mass < 0.0) {  // faces turned inwards
         body.mass = -body.mass;
         first = -first;
@@ -125,8 +133,8 @@ BodyInertia calcSolid(const LinkShape& shape, const Mesh& mesh, const DraftCapsu
         }
         case LinkShape::Kind::Mesh: {
             const BodyInertia around = calcCapsule(capsule), inside = calcEnclosed(mesh);
-            const bool isWhole = inside.mass > kLeastFill * around.mass && inside.mass <= around.mass &&
-                                 inside.inertia.allFinite() && findInertiaFault(inside.inertia, true).empty();
+            const bool isWhole = inside.mass > 0.0 && inside.mass <= around.mass && inside.inertia.allFinite() &&
+                                 findInertiaFault(inside.inertia, true).empty();
             return isWhole ? transformBody(shape.pose, inside) : scale(around, kFill);
         }
         case LinkShape::Kind::Capsule:

@@ -255,6 +255,18 @@ TEST(AssumedUrdf, AMassIsTheShapesVolumeAndItsInertiaTheirs) {
     const double loose = body(writeShape("<mesh filename='box.obj'/>")).mass;
     EXPECT_GT(loose, 0.3 * box.mass);
     EXPECT_LT(loose, 3.0 * box.mass);
+    // A bracket of two thin plates encloses little of its capsule, and weighs no more than them.
+    std::string bracket;
+    for (int k = 0; k < 8; ++k)
+        bracket += detail::format("v %g %g %g\n", k & 1 ? 0.05 : 0.048, k & 2 ? 0.1 : -0.1, k & 4 ? 0.4 : 0.0);
+    for (int k = 0; k < 8; ++k)
+        bracket += detail::format("v %g %g %g\n", k & 1 ? 0.4 : 0.05, k & 2 ? 0.1 : -0.1, k & 4 ? 0.402 : 0.4);
+    bracket += obj.substr(obj.find("f "));
+    for (const char* face : {"9 11 12 10", "13 14 16 15", "9 10 14 13", "11 15 16 12", "9 13 15 11", "10 12 16 14"})
+        bracket += std::string("f ") + face + "\n";
+    std::ofstream(file.folder.path() / "box.obj") << bracket;
+    EXPECT_NEAR(body(writeShape("<mesh filename='box.obj'/>")).mass, 1280 * (0.002 * 0.2 * 0.4 + 0.35 * 0.2 * 0.002),
+                1e-5);
 }
 
 TEST(AssumedUrdf, LinksWithoutAShapeGetATubeToTheNextJoint) {
