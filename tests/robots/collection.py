@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Takes every URDF below a folder as `viable new robot --assume` does, runs its hand, and prints what became of them.
+"""Takes every URDF and MuJoCo model below a folder as `viable new robot --assume` does, runs its hand, and prints what became of them.
 
     tests/robots/collection.py FOLDER [--viable build/release/bin/viable] [--seconds 4] [--json FILE] [--keep FOLDER]
 
@@ -17,6 +17,7 @@ import subprocess
 import tempfile
 
 REASONS = [  # the first that fits
+    ("MuJoCo does not take it", r"does not take it"),
     ("more than 16 moving joints", r"moving joints; at most"),
     ("no moving joint", r"no moving joint"),
     ("xacro", r"xacro"),
@@ -42,7 +43,7 @@ def call(arguments, seconds):
 def take(viable, urdf, name, out, seconds):
     """What became of one file: a dictionary with `taken`, `reason`, `hand` and what was assumed."""
     row = {"file": str(urdf), "tip": "", "taken": False, "reason": "", "hand": "none"}
-    command = [viable, "new", "robot", name, "--urdf", str(urdf), "--assume", "--out", str(out)]
+    command = [viable, "new", "robot", name, "--mjcf" if urdf.suffix == ".xml" else "--urdf", str(urdf), "--assume", "--out", str(out)]
     code, text, fault = call(command, 120)
     if code == 2 and "moving joints; at most" in fault:
         row["tip"] = "auto"
@@ -80,11 +81,17 @@ def take(viable, urdf, name, out, seconds):
 
 
 def run(folder, viable, seconds=4.0, workers=os.cpu_count(), out=None):
-    """One row for each URDF below the folder."""
-    urdfs = sorted(p for p in pathlib.Path(folder).rglob("*.urdf") if p.is_file())
+    """One row for each URDF below the folder, and each model that is no part or scene of others."""
+    paths = sorted(p for suffix in ("urdf", "xml") for p in pathlib.Path(folder).rglob(f"*.{suffix}") if p.is_file())
+    urdfs = [p for p in paths if p.suffix == ".urdf" or is_model(p)]
     with tempfile.TemporaryDirectory() as temporary, concurrent.futures.ThreadPoolExecutor(workers) as pool:
         target = pathlib.Path(out or temporary)
         return list(pool.map(lambda k: take(viable, urdfs[k], f"robot_{k}", target, seconds), range(len(urdfs))))
+
+
+def is_model(path):
+    text = path.read_text(errors="replace")
+    return "<mujoco" in text and "<joint" in text and "<body" in text and "<include" not in text
 
 
 def print_table(rows):

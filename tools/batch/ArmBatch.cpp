@@ -158,6 +158,8 @@ struct ArmBatch::Impl {
         state.status.assign(count(arms), GuardStatus::NotStarted);
         state.clearance.assign(count(arms), kNan);
         ticks.assign(count(arms), 0);
+        if (options.action == BatchAction::Torque)
+            requireDynamics(robot, "ArmBatchOptions::action", "an arm moved by torques");
         if (!options.plant.empty()) makePlants();
         const JointVector zero = JointVector::Zero(n);
         RunSetup atHome = setup;

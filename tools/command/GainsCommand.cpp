@@ -23,6 +23,7 @@ void run(const GainsArguments& arguments) {
         throw badInput("--tick", detail::formatNumber(arguments.tick_s) + " s is outside [1e-05, 0.1]",
                        "Give the length of a tick of the control loop in seconds, such as 0.001.");
     const RobotDescription robot = loadRobot(findRobot(arguments.robot, makeRobotSearchPath({}), "ROBOT"));
+    requireDynamics(robot, "ROBOT", "the robust loop");
     const LinearErrorLoop loop = scaleGains(robot, robot.limits, arguments.tick_s, arguments.delayTicks);
     const LoopMargins margins = calcMargins(robot, robot.limits, arguments.tick_s, arguments.delayTicks, loop);
     if (!(loop.kr.maxCoeff() > 0.0))

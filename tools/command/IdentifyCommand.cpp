@@ -53,6 +53,7 @@ int identifyLogs(const IdentifyArguments& arguments) {
         records.push_back(readMotionRecord(file, arguments.record));
     }
     const RobotDescription nominal = findNominal(arguments, records);
+    requireDynamics(nominal, "--robot", "an identification");
     IdentificationOptions options = arguments.options;
     options.payload = kPayloads.at(arguments.payload);
     options.isTorqueHeld = !arguments.isSampled;

@@ -86,8 +86,10 @@ void writeNewFolder(const NewArguments& arguments) {
             "Write `viable new " + arguments.kind + " NAME" + (arguments.kind == "robot" ? " --urdf FILE`." : "`."));
     if (arguments.kind == "robot") return writeRobot(arguments);
     const std::pair<const char*, bool> robotOptions[] = {
-        {"--urdf", !arguments.urdf.empty()}, {"--base", !arguments.base.empty()}, {"--tip", !arguments.tip.empty()},
-        {"--fix", !arguments.fixed.empty()}, {"--at", !arguments.at.empty()},     {"--assume", arguments.assumes}};
+        {"--urdf", !arguments.urdf.empty()}, {"--mjcf", !arguments.mjcf.empty()},
+        {"--base", !arguments.base.empty()}, {"--tip", !arguments.tip.empty()},
+        {"--fix", !arguments.fixed.empty()}, {"--at", !arguments.at.empty()},
+        {"--assume", arguments.assumes},     {"--without-masses", !arguments.hasBodies}};
     for (const auto& [option, isGiven] : robotOptions)
         if (isGiven)
             throw badInput("new " + arguments.kind, std::string(option) + " is for robots only",
@@ -106,6 +108,9 @@ void addNewCommand(CLI::App& app, int&) {
     command->add_option("KIND", arguments->kind, "filter, controller, robust_loop, command, plant or robot");
     command->add_option("NAME", arguments->name, "Name in snake_case; the folder gets it, too");
     command->add_option("--urdf", arguments->urdf, "Robots: the URDF file to begin from");
+    command->add_option("--mjcf", arguments->mjcf,
+                        "Robots: a MuJoCo model in place of a URDF, read by python3 and its package mujoco. Only for "
+                        "files that you trust");
     command->add_option("--base", arguments->base, "Robots: joints that do not hang on this link are frozen");
     command->add_option(
         "--tip", arguments->tip,
@@ -121,6 +126,9 @@ void addNewCommand(CLI::App& app, int&) {
     command->add_flag("--assume", arguments->assumes,
                       "Robots: assume what a URDF does not hold or holds wrongly, and say so, for a first run at once. "
                       "Only for files that you trust: xacro, which expands them, evaluates their expressions");
+    command->add_flag(
+        "!--without-masses", arguments->hasBodies,
+        "Robots: of a robot that takes positions: no masses and motors, so what needs torques is refused");
     command->add_option("--out", arguments->out,
                         "Folder for the new folder; created where it is missing (default: the current one)");
     command->callback([arguments] { writeNewFolder(*arguments); });

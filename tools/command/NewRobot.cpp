@@ -20,6 +20,9 @@ namespace fs = std::filesystem;
 /** The hand of hand.yaml moves at most this share of the reach in a second; its slowest reach takes so many times the
 fastest; so many of these fit into a run. */
 constexpr double kHandSpeed = 0.3, kSlowest = 2.8;
+/** Linear damping is written as friction that saturates: with the saturating velocity so many times the limit it is within
+5 % of it. */
+constexpr double kLinearReach = 10.0;
 constexpr double kSlowestReach_s = 100.0;  // what generated_hand_motion takes
 constexpr double kReaches = 5.0;
 constexpr double kShortestRun_s = 10.0;
@@ -180,9 +183,11 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
     std::vector<std::string> names;
     for (const DraftJoint& joint : draft.joints) names.push_back(joint.name);
     const bool isAssumed = !draft.assumptions.empty();
+    const char* const known = draft.isModel ? "the MuJoCo model given" : "TODO";
+    const auto saturates = [](const DraftJoint& j) { return j.damping == 0.0 ? 1.0 : kLinearReach * j.velocity; };
     return {
         {"NAME", arguments.name},
-        {"URDF", formatName(fs::path(arguments.urdf).filename().string())},
+        {"URDF", formatName(fs::path(arguments.file()).filename().string())},
         {"COUNT", names.size() == 1 ? "One moving joint" : std::to_string(names.size()) + " moving joints"},
         {"JOINTS", joinNames(names)},
         {"POSITION_LOWER", list(&DraftJoint::positionLower)},
@@ -194,9 +199,12 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
         {"JERK", list(&DraftJoint::jerk)},
         {"ROTOR", list(&DraftJoint::rotorInertia)},
         {"COULOMB", list(&DraftJoint::coulomb)},
-        {"GEAR", isAssumed ? "1" : kBlank},
-        {"VISCOUS", isAssumed ? "0" : kBlank},
-        {"VISCOUS_VELOCITY", isAssumed ? "1" : kBlank},
+        {"GEAR", isAssumed || draft.isModel ? "1" : kBlank},
+        {"VISCOUS", draft.isModel
+                        ? formatList(draft.joints, [&](const DraftJoint& j) { return j.damping * saturates(j); })
+                        : std::string(isAssumed ? "0" : kBlank)},
+        {"VISCOUS_VELOCITY",
+         draft.isModel ? formatList(draft.joints, saturates) : std::string(isAssumed ? "1" : kBlank)},
         {"ASSUMED_LIMITS", makeAssumed(draft, {{"position limits", "position_rad"},
                                                {"velocity limits", "velocity_radps"},
                                                {"acceleration limits", "acceleration_radps2"},
@@ -206,18 +214,20 @@ std::map<std::string, std::string> makeReplacements(const NewRobotArguments& arg
         {"ASSUMED_ACTUATION", makeAssumed(draft, {{"torque limits", "torque_limit_Nm"},
                                                   {"rotor_inertia_kgm2", "rotor_inertia_kgm2"},
                                                   {"friction", "friction"}})},
-        {"SOURCE_MASS", makeSource(draft, "mass", "TODO")},
+        {"SOURCE_MASS", makeSource(draft, "mass", draft.hasBodies ? "TODO" : "none: it takes positions")},
         {"SOURCE_INERTIA", makeSource(draft, "inertia", "TODO")},
         {"SOURCE_ACCELERATION", makeSource(draft, "acceleration limits", "TODO")},
         {"SOURCE_JERK", makeSource(draft, "jerk limits", "TODO")},
-        {"SOURCE_ROTOR", makeSource(draft, "rotor_inertia_kgm2", "TODO")},
-        {"SOURCE_FRICTION", makeSource(draft, "friction", "TODO")},
-        {"SOURCE_HOME", makeSource(draft, "home_rad", "TODO")},
+        {"SOURCE_ROTOR", makeSource(draft, "rotor_inertia_kgm2", known)},
+        {"SOURCE_FRICTION", makeSource(draft, "friction", known)},
+        {"SOURCE_HOME", makeSource(draft, "home_rad", draft.hasHome ? "its keyframe `home`" : "TODO")},
         {"TOOL", draft.tool.empty() ? std::string(kBlank) : quoteForYaml(draft.tool)},
         {"TOOL_CHOICE", draft.toolLinks.size() == 1 ? "Any moving link is possible."
                                                     : "The robot ends in several: " + joinNames(draft.toolLinks)},
         {"REACH", formatRounded(draft.task.reach * DraftTask::kHandShare)},
         {"TOP_SPEED", formatRounded(draft.task.reach * kHandSpeed)},
+        {"REAL_ARM", draft.hasBodies ? "robust_loop: {plugin: nric}\nreal_plant: {plugin: simbody}\n" : ""},
+        {"TORQUE_SHARE", draft.hasBodies ? ", torque_share: 0.9" : ""},
         {"HAND_ENVIRONMENT",
          hasCapsules(draft) ? "environment: {safety_distance_m: 0}  # the run tells when links touch\n" : ""},
         {"FASTEST", formatValue(draft.task.fastest)},
@@ -296,14 +306,17 @@ void printHomeContacts(const std::vector<DraftContact>& contacts) {
 
 void writeRobot(const NewRobotArguments& arguments) {
     checkNewName(arguments.name, "robot", false);
-    if (arguments.urdf.empty())
+    const std::string& given = arguments.file();
+    const char* const option = arguments.mjcf.empty() ? "--urdf" : "--mjcf";
+    if (given.empty())
         throw badInput("new robot", "the robot's URDF is missing",
-                       "Add --urdf FILE.urdf; limits and actuation are begun from it.");
+                       "Add --urdf FILE.urdf, or --mjcf FILE.xml; limits and actuation are begun from it.");
+    if (!arguments.urdf.empty() && !arguments.mjcf.empty())
+        throw badInput("new robot", "there are two files, of --urdf and of --mjcf", "Leave one out.");
     std::error_code failed;
-    if (!fs::exists(arguments.urdf, failed))
-        throw badInput("--urdf", "there is no file " + arguments.urdf, "Check the path.");
-    if (!fs::is_regular_file(arguments.urdf, failed))
-        throw badInput("--urdf", arguments.urdf + " is not a file", "Give the URDF file itself.");
+    if (!fs::exists(given, failed)) throw badInput(option, "there is no file " + given, "Check the path.");
+    if (!fs::is_regular_file(given, failed))
+        throw badInput(option, given + " is not a file", "Give the robot's file itself.");
     for (const fs::path& folder : listRobots(makeRobotSearchPath({})))
         if (folder.filename() == arguments.name)
             throw badInput("new robot",
@@ -313,8 +326,11 @@ void writeRobot(const NewRobotArguments& arguments) {
                                arguments.name + "`.");
     const fs::path target = fs::path(arguments.out) / arguments.name;
     checkNewFolder(target);
-    const RobotDraft draft = readRobotDraft(
-        arguments.urdf, {{arguments.base, arguments.tip, arguments.fixed, arguments.at}, arguments.assumes});
+    const RobotDraft draft =
+        readRobotDraft(given, {{arguments.base, arguments.tip, arguments.fixed, arguments.at},
+                               arguments.assumes,
+                               arguments.hasBodies,
+                               arguments.mjcf.empty() ? fs::path() : findShared("mjcf_to_urdf.py").lexically_normal()});
     const std::map<std::string, std::string> replacements = makeReplacements(arguments, draft);
     FolderFiles files = fillTemplate(getTemplates() / "robot", replacements);
     const bool canFollow = draft.task.directions >= kFewestDirections && draft.task.reach > kShortestReach;
@@ -322,6 +338,10 @@ void writeRobot(const NewRobotArguments& arguments) {
     const bool hasBall = hasCapsules(draft) && draft.task.radius > 0.0;
     if (canFollow && hasBall) files.merge(fillTemplate(getTemplates() / "robot_obstacles", replacements));
     files[arguments.name + ".urdf"] = makeUrdf(draft);
+    if (!draft.hasBodies)
+        files["actuation.yaml"] = "schema: 1\n# " + arguments.name +
+                                  " takes positions; its masses and motors are not known. With `viable new robot` and "
+                                  "without\n# --without-masses they are.\ndynamics: none\n";
     writeNewFolder(target, files);
 
     for (const std::string& repair : draft.repairs)

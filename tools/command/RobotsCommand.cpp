@@ -33,6 +33,7 @@ static void describe(const RobotDescription& robot) {
                     range(l.accelerationLower, l.accelerationUpper).c_str(), range(l.jerkLower, l.jerkUpper).c_str(),
                     robot.home[i], robot.actuation.torqueLimit[i], units);
     }
+    if (!robot.hasDynamics()) std::printf("It takes positions: no masses and motors are known (`dynamics: none`).\n");
     if (!robot.assumed.empty()) std::printf("Assumed, not given: %s.\n", detail::join(robot.assumed).c_str());
 }
 

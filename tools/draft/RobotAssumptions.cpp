@@ -34,6 +34,8 @@ apart ([m], or less on a small arm), and has this share of the best mobility. */
 constexpr double kInnerMargin = 0.15, kApart = 0.05, kApartShare = 0.05;
 constexpr int kDirectionPoses = 50, kGapPoses = 200;
 constexpr double kNoDirection = 0.01, kGoodShare = 0.5, kNearlyBest = 0.9;
+/** The same, of a pose that the file calls home. */
+constexpr double kGivenShare = 0.1;
 /** A tool below the base is worth this share of one above: most arms stand on a table. */
 constexpr double kBelowShare = 0.3;
 /** An error of 1 rad counts as one of this share of the reach. */
@@ -156,6 +158,8 @@ private:
             const JointVector q = drawPose(range, random);
             recursion_.calcTorque(q, rest, rest, torque);
             recursion_.calcInertia(q, M);
+            if (draft_.isModel)
+                for (int i = 0; i < n_; ++i) M(i, i) += joint(i).rotorInertia;
             gravity_ = gravity_.cwiseMax(torque.cwiseAbs());
             inertia_ = inertia_.cwiseMax(M.diagonal());
             recursion_.calcFrames(q, frames);
@@ -167,23 +171,34 @@ private:
 
     void assumeMotors() {
         int i = 0;
+        if (!draft_.hasBodies)
+            for (DraftJoint& joint : draft_.joints) joint.effort = kInfinity;
         fill(&DraftJoint::effort, "torque limits",
              "where the URDF has none, twice what holds the arm and takes the joint to its velocity in 0.2 s",
              [&](const DraftJoint& joint) {
                  i = static_cast<int>(&joint - draft_.joints.data());
-                 return roundOff(kSpareTorque * (gravity_[i] + inertia_[i] * joint.velocity / kSpeedUp));
+                 const double passive = draft_.isModel ? joint.coulomb + joint.damping * joint.velocity : 0.0;
+                 return roundOff(kSpareTorque * (gravity_[i] + inertia_[i] * joint.velocity / kSpeedUp + passive));
              });
         bool isWeak = false, isPlaceholder = false;
         for (i = 0; i < n_; ++i) {
             DraftJoint& joint = this->joint(i);
             const double quick = joint.velocity / kSpeedUp;
+            if (!draft_.hasBodies) {
+                joint.acceleration = roundOff(quick);
+                joint.jerk = roundOff(joint.acceleration / kRampUp);
+                continue;
+            }
             const double needed = gravity_[i] + inertia_[i] * quick;
             const double effort = std::min(joint.effort, kMostSpareTorque * needed);
             isPlaceholder = isPlaceholder || effort < joint.effort;
-            joint.rotorInertia = roundOff(kRotorShare * effort / quick);
-            joint.coulomb = roundOff(kFrictionShare * effort);
-            const double spare = kMotorShare * joint.effort - gravity_[i] - joint.coulomb;
-            const double possible = spare / (inertia_[i] + joint.rotorInertia);
+            if (!draft_.isModel) {
+                joint.rotorInertia = roundOff(kRotorShare * effort / quick);
+                joint.coulomb = roundOff(kFrictionShare * effort);
+            }
+            const double damping = draft_.isModel ? joint.damping * joint.velocity : 0.0;
+            const double spare = kMotorShare * joint.effort - gravity_[i] - joint.coulomb - damping;
+            const double possible = spare / (inertia_[i] + (draft_.isModel ? 0.0 : joint.rotorInertia));
             if (!(possible > 0.0))
                 draft_.warnings.push_back(
                     "joint `" + joint.name + "`: its torque limit of " + formatNumber(joint.effort) +
@@ -199,6 +214,7 @@ private:
         note("acceleration limits", std::string("the velocity limit in 0.2 s") +
                                         (isWeak ? ", less where 80 % of the motor's torque cannot do that" : ""));
         note("jerk limits", "the acceleration limit in 0.05 s");
+        if (draft_.isModel || !draft_.hasBodies) return;
         note("rotor_inertia_kgm2",
              "seen at the joint, what a tenth of the torque takes to the velocity in 0.2 s" + capped);
         note("friction", "1 % of the torque limit, whatever the velocity" + capped);
@@ -346,7 +362,7 @@ private:
                        "touch; home_rad is the middle of the limits",
                        kReachPoses) +
                 ".");
-        if (highest >= 0.0 && (before < 0.0 || before < kGoodShare * highest)) {
+        if (highest >= 0.0 && (before < 0.0 || before < (draft_.hasHome ? kGivenShare : kGoodShare) * highest)) {
             for (int i = 0; i < n_; ++i)
                 for (const double simple :
                      {0.0, std::round(10.0 * best[i]) / 10.0, std::round(100.0 * best[i]) / 100.0}) {

@@ -6,8 +6,8 @@
 
 #include "core/Text.h"
 #include "draft/BodyAssumptions.h"
+#include "draft/Converter.h"
 #include "draft/RobotAssumptions.h"
-#include "draft/Xacro.h"
 #include "robot/urdf/UrdfChecks.h"
 
 namespace viable {
@@ -45,7 +45,7 @@ std::string place(const std::string& where, const std::string& kind, const std::
 
 // --------------------------------------------------------------------------------------- joints
 
-DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<std::string>& warnings) {
+DraftJoint draftJoint(const UrdfRobot& robot, int i, const DraftOptions& options, std::vector<std::string>& warnings) {
     const JointDescription& from = robot.joints[i];
     DraftJoint joint;
     joint.name = from.name;
@@ -56,13 +56,16 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<s
     joint.effort = robot.effort[i];
     const std::string who = place(robot.jointPlaces[i], "joint", joint.name);
     const auto blank = [&](const std::string& what, const std::string& key) {
-        warnings.push_back(who + what + "; " + key + (assumes ? " is assumed." : " is left to be filled in."));
+        // A model has no word for the one, and the other may be unlimited; without masses nobody asks for torques.
+        if (!options.mjcfConverter.empty() && key != "position_rad") return;
+        if (!options.hasBodies && key == "torque_limit_Nm") return;
+        warnings.push_back(who + what + "; " + key + (options.assumes ? " is assumed." : " is left to be filled in."));
     };
 
     const std::string range = show(joint.positionLower) + " to " + show(joint.positionUpper);
     const bool isAngle = joint.type != JointType::Prismatic;
     const double widest = std::max(std::abs(joint.positionLower), std::abs(joint.positionUpper));
-    if (assumes && joint.positionLower > joint.positionUpper &&
+    if (options.assumes && joint.positionLower > joint.positionUpper &&
         widest <= (isAngle ? kLargestAngle_rad : kLongestSlide)) {
         warnings.push_back(who + "its lower position limit is above the upper one, " + range +
                            "; taken the other way round.");
@@ -97,6 +100,26 @@ DraftJoint draftJoint(const UrdfRobot& robot, int i, bool assumes, std::vector<s
         joint.effort = kNan;
     }
     return joint;
+}
+
+/** What mjcf_to_urdf.py writes into <dynamics>. */
+void readModelFigures(detail::UrdfDocument& document, RobotDraft& draft) {
+    std::map<std::string, const detail::XmlElement*> figures;
+    for (const detail::XmlElement* element : document.list("joint"))
+        figures[detail::getAttribute(element, "name")] = element->FirstChildElement("dynamics");
+    draft.isModel = draft.hasHome = true;
+    for (DraftJoint& joint : draft.joints) {
+        const auto read = [&](const char* name) {
+            return detail::parseNumber(detail::getAttribute(figures[joint.name], name)).value_or(kNan);
+        };
+        joint.rotorInertia = read("armature");
+        joint.coulomb = read("friction");
+        joint.damping = read("damping");
+        const double home = read("home");
+        const bool isInside = home >= joint.positionLower && home <= joint.positionUpper;
+        if (isInside) joint.home = home;
+        draft.hasHome = draft.hasHome && isInside;
+    }
 }
 
 // ---------------------------------------------------------------------------------------- links
@@ -174,16 +197,31 @@ void reviewInertia(const UrdfRobot& robot, const UrdfRobot::Link& link, std::vec
 }  // namespace
 
 RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions& options) {
-    detail::UrdfDocument document(file, options.assumes
-                                            ? [&](const std::string& where) { return detail::expandXacro(file, where); }
-                                            : detail::UrdfDocument::Expand());
-    detail::ErrorList urdfErrors;
     RobotDraft draft;
-    draft.repairs = document.notes();
+    const bool isModel = !options.mjcfConverter.empty();
+    bool isConverted = false;
+    const auto expand = [&](const std::string& element, const std::string& where) {
+        isConverted = element == "mujoco";
+        if (isModel != isConverted)
+            throw badInput(where, "this is " + std::string(isModel ? "no" : "a") + " MuJoCo model (MJCF)",
+                           std::string("Give it with ") + (isModel ? "--urdf." : "--mjcf."));
+        return isModel ? detail::convertMjcf(options.mjcfConverter, file, draft.repairs)
+                       : detail::expandXacro(file, where);
+    };
+    detail::UrdfDocument document(file, isModel || options.assumes ? expand : detail::UrdfDocument::Expand());
+    if (isModel && !isConverted)
+        throw badInput(file.string(), "this is no MuJoCo model (MJCF): its root is <robot>", "Give it with --urdf.");
+    detail::ErrorList urdfErrors;
+    draft.repairs.insert(draft.repairs.begin(), document.notes().begin(), document.notes().end());
     const auto addRepairs = [&](const std::vector<std::string>& notes) {
         draft.repairs.insert(draft.repairs.end(), notes.begin(), notes.end());
     };
     if (options.assumes) addRepairs(detail::repairUrdfTree(document));
+    draft.hasBodies = options.hasBodies;
+    if (!options.hasBodies) {
+        document.dropBodies();
+        draft.repairs.push_back(document.file() + ": masses and inertias are left out");
+    }
     detail::checkUrdfTree(document, urdfErrors);
     const detail::UrdfRepairs repairs = detail::repairUrdf(document, options.choice, options.assumes, urdfErrors);
     addRepairs(repairs.notes);
@@ -200,10 +238,11 @@ RobotDraft readRobotDraft(const std::filesystem::path& file, const DraftOptions&
     draft.urdf = draft.repairs.empty() ? document.text() : document.print();
 
     for (int i = 0; i < static_cast<int>(robot.joints.size()); ++i)
-        draft.joints.push_back(draftJoint(robot, i, options.assumes, draft.warnings));
+        draft.joints.push_back(draftJoint(robot, i, options, draft.warnings));
+    if (isModel) readModelFigures(document, draft);
     for (const UrdfRobot::Link& link : robot.bodies) {
         if (link.carrier < 0) continue;
-        reviewInertia(robot, link, draft.warnings);
+        if (options.hasBodies) reviewInertia(robot, link, draft.warnings);
         if (link.joints.empty()) draft.toolLinks.push_back(link.name);
     }
     if (!repairs.tip.empty())

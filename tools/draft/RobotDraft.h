@@ -16,8 +16,9 @@ struct DraftJoint {
     double home = 0.0;           ///< zero, or the middle of the range where zero is not well inside it [rad]
     double acceleration = kNan;  ///< limit, either way; assumed [rad/s^2]
     double jerk = kNan;          ///< limit, either way; assumed [rad/s^3]
-    double rotorInertia = kNan;  ///< as seen at the joint; assumed [kg m^2]
-    double coulomb = kNan;       ///< friction; assumed [Nm]
+    double rotorInertia = kNan;  ///< as seen at the joint; assumed, or of a MuJoCo model [kg m^2]
+    double coulomb = kNan;       ///< friction; likewise [Nm]
+    double damping = kNan;       ///< linear friction, of a MuJoCo model [Nm s/rad]
 };
 
 /** A capsule that contains one shape of a link, in the link's frame [m]. */
@@ -44,7 +45,9 @@ struct DraftContact {
 /** How to make a draft of a URDF. */
 struct DraftOptions {
     detail::UrdfChoice choice;
-    bool assumes = false;  ///< figures that a URDF does not hold are assumed, so that the robot can be run at once
+    bool assumes = false;   ///< figures that a URDF does not hold are assumed, so that the robot can be run at once
+    bool hasBodies = true;  ///< false: no masses, for a robot that takes positions
+    std::filesystem::path mjcfConverter = {};  ///< mjcf_to_urdf.py where the file is a MuJoCo model
 };
 
 /** A figure that nobody gave. */
@@ -72,6 +75,9 @@ struct RobotDraft {
     std::string urdf;                    ///< text for the folder: the file's bytes, or the repaired document
     std::vector<std::string> repairs;    ///< what was changed in it, one sentence each
     std::vector<DraftJoint> joints;      ///< parents before children, in URDF order
+    bool isModel = false;                ///< of MuJoCo: rotors and friction are known
+    bool hasBodies = true;               ///< as asked for
+    bool hasHome = false;                ///< the joints' home is the file's own
     std::vector<std::string> toolLinks;  ///< moving links that carry no joint: one is the tool
     std::string tool;                    ///< the chosen, only or assumed one; empty: not known
     std::vector<std::string> meshes;     ///< files for pictures, as the URDF names them

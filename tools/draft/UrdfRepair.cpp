@@ -89,7 +89,7 @@ public:
         freezeGrippers();
         if (assumes_)
             for (const UrdfTree::Link& link : tree_.links) dropFalseBody(link);
-        freezeWeightless();
+        if (document_.hasBodies()) freezeWeightless();
         if (isWhole && errors_.isEmpty() && choice_.tip == kAutoTip) chooseTip();
         for (const auto& [j, value] : places_)
             if (joint(j).isMoving)
@@ -102,7 +102,7 @@ public:
             if (joint.isMoving) addLimits(joint);
         const std::vector<bool> isMoved = tree_.findMoved();
         for (std::size_t i = 0; i < tree_.links.size(); ++i) mendInertia(tree_.links[i], assumes_ && isMoved[i]);
-        if (assumes_ && isWhole) addBodies();
+        if (assumes_ && isWhole && document_.hasBodies()) addBodies();
         return std::move(repairs_);
     }
 

@@ -137,6 +137,9 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     });
     map.readOptional("environment", [&](const ConfigNode& block) {
         plan.environment = readEnvironmentBlock(block);
+        for (const Person& person : plan.environment->people)
+            if (person.bodyPart)
+                requireDynamics(plan.robot, block.place(), "the contact speed of a body_part (give contact_speed_mps)");
         setContactSpeeds(plan.environment->people, plan.robot.movingMass());
     });
     const bool hasSpeeds = map.isSure("speed_limits") && errors.collect([&] {

@@ -10,7 +10,7 @@ namespace fs = std::filesystem;
 
 std::vector<LinkShapes> loadShapes(const RobotDescription& robot) {
     const fs::path folder = robot.folder;
-    const detail::UrdfRobot urdf = detail::readUrdf(folder / (robot.name + ".urdf"));
+    const detail::UrdfRobot urdf = detail::readUrdf(folder / (robot.name + ".urdf"), robot.hasDynamics());
     std::vector<LinkShapes> all;
     bool isAnyDrawn = false, isAnyLost = false;
     for (const auto& [name, link] : urdf.shapes) {

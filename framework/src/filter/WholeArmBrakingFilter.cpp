@@ -80,6 +80,9 @@ void WholeArmBrakingFilter::configure(const RunSetup& setup, const WholeArmBraki
 void WholeArmBrakingFilter::prepare(const RunSetup& setup, const WholeArmBrakingOptions& options,
                                     const std::string& place) {
     const int n = setup.size();
+    if (!std::isinf(options.torqueShare) ||
+        !(options.torqueRate.fits(n) && options.torqueRate.expand(n).array().isInf().all()))
+        requireDynamics(setup.robot, place, "a limit of the torque");
     if (setup.surroundings && !setup.geometry)
         throw badInput(place, "there are surroundings, but the parts of the arm that can collide are not described",
                        "Set RunSetup::geometry (see loadArmGeometry).");

@@ -13,23 +13,6 @@ using detail::lend;
 const char* const kReferenceGuard = "ReferenceGuard";
 const char* const kOptions = "ReferenceGuardOptions";
 
-/** A robot of which nothing counts but where its joints are: torques are made of jerks and back, with an inertia of 1 for
-each joint, which loses no digits. */
-static RobotDescription makeKinematic(RobotDescription robot) {
-    const int n = robot.size();
-    if (n > kMaxJoints) return robot;  // refused later
-    for (JointDescription& joint : robot.joints) joint.body = {};
-    robot.gravity.setZero();
-    const JointVector ones = JointVector::Ones(n), none = JointVector::Zero(n);
-    Actuation& a = robot.actuation;
-    a.gearRatio = a.rotorInertia = ones;
-    a.encoderCounts = none;
-    a.torqueLimit = JointVector::Constant(n, kInfinity);
-    a.friction.coulomb = a.friction.viscous = none;
-    a.friction.viscousVelocity = ones;
-    return robot;
-}
-
 /** The targets as a command, and limits that change. */
 class ReferenceGuard::Source : public CommandSource {
 public:
@@ -111,7 +94,7 @@ private:
 
 struct ReferenceGuard::Inside {
     Inside(RobotDescription description, double tick_s, ReferenceGuardOptions given)
-        : robot(makeKinematic(std::move(description))),
+        : robot(withoutDynamics(std::move(description))),  // torques are made of jerks and back
           options(std::move(given)),
           setup(detail::makeGuardSetup(kReferenceGuard, robot, tick_s, options.limits)),
           source(options.between) {

@@ -293,6 +293,7 @@ struct TorqueGuard::Inside {
         : options(std::move(given)),
           robot(prepare(std::move(description), options.convention)),
           setup(detail::makeGuardSetup(kTorqueGuard, robot, tick_s, options.limits)) {
+        requireDynamics(robot, kTorqueGuard, "a guard of torques");
         options.limits.reset();  // setup has them
         sender.emplace(robot, options.convention, tick_s);
         checkPositive(options.largestDeviation, "largestDeviation", robot);

@@ -29,8 +29,8 @@ ArmGeometry loadArmGeometry(const RobotDescription& robot) {
                 ": it is not known what of it can hit something",
             "`viable new robot NAME --urdf " + (robot.folder / urdfName).string() +
                 "` drafts one from the shapes of the URDF; copy it from there, or write it as robots/README.md says.");
-    const detail::CollisionFile read =
-        detail::readCollisionFile(file, detail::readUrdf(robot.folder / urdfName), detail::Blanks::Refuse);
+    const detail::CollisionFile read = detail::readCollisionFile(
+        file, detail::readUrdf(robot.folder / urdfName, robot.hasDynamics()), detail::Blanks::Refuse);
 
     ArmGeometry geometry;
     for (const LinkShapes& link : read.links) {

@@ -261,9 +261,38 @@ struct ActuationFile {
     }
 };
 
+enum class DynamicsGiven { None };
+
+/** actuation.yaml of a robot that takes positions. */
+struct KinematicFile {
+    RobotFile file;
+    DynamicsGiven dynamics = DynamicsGiven::None;
+
+    template <class V>
+    void describe(V& v) {
+        file.describe(v);
+        v(dynamics, "dynamics", "none", "The robot takes positions, and nobody knows its masses and motors.")
+            .required();
+    }
+};
+
+/** Whether actuation.yaml has the key `dynamics`; what is wrong with the file is told when it is read. */
+bool leavesDynamicsOut(const fs::path& actuationFile) try {
+    return readConfigFile(actuationFile).find("dynamics") != nullptr;
+} catch (const Error&) {
+    return false;
+}
+
 void readActuationFile(const fs::path& path, RobotDescription& robot) {
     const int n = robot.size();
     ErrorList errors;
+    if (leavesDynamicsOut(path)) {
+        KinematicFile kinematic;
+        readRobotFile(readConfigFile(path), kinematic, robot, errors);
+        errors.throwIfAny(path.string());
+        robot = withoutDynamics(std::move(robot));
+        return;
+    }
     ActuationFile file;
     readRobotFile(readConfigFile(path), file, robot, errors);
     errors.throwIfAny(path.string());
@@ -360,13 +389,14 @@ RobotDescription loadRobot(const fs::path& folder) {
     const fs::path limitsFile = requireFile(folder, "limits.yaml", kFolderContents);
     const fs::path actuationFile = requireFile(folder, "actuation.yaml", kFolderContents);
 
-    UrdfRobot urdf = detail::readUrdf(urdfFile);
+    UrdfRobot urdf = detail::readUrdf(urdfFile, !leavesDynamicsOut(actuationFile));
     robot.joints = urdf.joints;
     robot.assumed = urdf.assumed;
     ErrorList errors;
     errors.collect([&] { readLimitsFile(limitsFile, urdf, robot); });
     errors.collect([&] { readActuationFile(actuationFile, robot); });
     errors.throwIfAny(folder.string());
+    if (!robot.hasDynamics()) return robot;
     checkCondition(robot, urdfFile.string());
     detail::checkRecursion(robot, ArmRecursion(robot), urdfFile.string());
     return robot;
@@ -420,10 +450,36 @@ std::vector<fs::path> listRobots(const std::vector<fs::path>& searchPath) {
     return robots;
 }
 
+RobotDescription withoutDynamics(RobotDescription robot) {
+    const int n = robot.size();
+    if (n > kMaxJoints) return robot;  // refused later
+    for (JointDescription& joint : robot.joints) joint.body = {};
+    robot.gravity.setZero();
+    const JointVector ones = JointVector::Ones(n), none = JointVector::Zero(n);
+    Actuation& a = robot.actuation;
+    a.gearRatio = a.rotorInertia = ones;
+    a.encoderCounts = none;
+    a.torqueLimit = JointVector::Constant(n, kInfinity);
+    a.friction.coulomb = a.friction.viscous = none;
+    a.friction.viscousVelocity = ones;
+    return robot;
+}
+
+void requireDynamics(const RobotDescription& robot, const std::string& place, const std::string& what) {
+    if (robot.hasDynamics()) return;
+    throw badInput(
+        place,
+        "the robot `" + robot.name + "` has no masses (`dynamics: none` in its actuation.yaml), and " + what +
+            " needs them",
+        "Lead it by positions: ReferenceGuard, or a case without robust_loop and real_plant. For torques begin "
+        "the robot again without --without-masses.");
+}
+
 RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset) {
     if (!(mass_kg >= 0.0) || std::isinf(mass_kg) || !offset.allFinite())
         throw badInput("", "a payload of " + formatNumber(mass_kg) + " kg is not possible",
                        "A payload has a mass of zero or more and a finite place.");
+    if (mass_kg > 0.0) requireDynamics(robot, "payload", "a payload");
     BodyInertia load;
     load.mass = mass_kg;
     load.com = robot.toolPlacement * offset;

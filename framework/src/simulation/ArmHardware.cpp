@@ -20,6 +20,7 @@ double FrictionLaw::calcDamping(double v) const {
 }
 
 void ArmHardware::configure(const RunSetup& setup, const ArmHardwareOptions& options, const Parameters& parameters) {
+    requireDynamics(setup.robot, parameters.resolved().place(), "a simulated real arm");
     n_ = setup.size();
     substeps_ = options.substeps;
     substep_s_ = setup.tick_s / substeps_;

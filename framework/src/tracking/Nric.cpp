@@ -89,6 +89,7 @@ FrictionFeed scaleFriction(const JointFriction& figures, const PerJoint& scale, 
 }
 
 void Nric::configure(const RunSetup& setup, const Parameters& parameters) {
+    requireDynamics(setup.robot, parameters.resolved().place(), "the robust loop");
     const auto settings = parameters.get<NricSettings>();
     const int n = setup.size();
     LinearErrorLoop gains;

@@ -418,7 +418,7 @@ TEST(AssumedUrdf, XacroThatNothingUsesIsLeftOutAndOtherIsExpandedOnlyWithAssume)
     setenv("PATH", path.c_str(), 1);
     EXPECT_EQ(expanded.joints.size(), 2u);
     expectContains(expanded.repairs.at(0), {"xacro was expanded"});
-    expectContains(missing, {"the program xacro, which expands it, was not found", "Run `xacro "});
+    expectContains(missing, {"the program xacro, which reads it, was not found", "Run `xacro "});
     expectContains(failed, {"xacro failed: oops"});
     expectContains(endless, {"xacro gave more than 4194304 bytes"});
 }

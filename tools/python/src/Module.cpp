@@ -33,6 +33,11 @@ static std::string findLibrary() {
 
 PYBIND11_MODULE(_viable, module) {
     namespace vp = viable::python;
+#if PYBIND11_VERSION_HEX < 0x020C0000  // it reads the arrays of numpy 2 wrongly, and says nothing
+    if (vp::py::module_::import("numpy").attr("__version__").cast<std::string>().rfind("1.", 0) != 0)
+        throw vp::py::import_error("viable was built with pybind11 " PYBIND11_TOSTRING(PYBIND11_VERSION_MAJOR) "." PYBIND11_TOSTRING(
+            PYBIND11_VERSION_MINOR) ", which numpy 2 needs newer: pip install 'numpy<2', or build with pybind11 2.12");
+#endif
     module.doc() = "The library viable; use it through the package `viable`.";
     module.attr("__version__") = VIABLE_VERSION;
     module.attr("library") = vp::findLibrary();

@@ -167,8 +167,14 @@ void bindDynamics(py::module_& module) {
 
 const Dynamics& calcAt(PythonRobot& robot, const py::handle& q, const py::handle& qd, const char* place) {
     const JointVector position = readVector(q, robot.size(), std::string(place) + ": q");
-    robot.model.calcDynamics(position, readVectorOrZero(qd, robot.size(), std::string(place) + ": qd"), robot.dynamics);
-    return robot.dynamics;
+    Dynamics& found = robot.dynamics;
+    robot.model.calcDynamics(position, readVectorOrZero(qd, robot.size(), std::string(place) + ": qd"), found);
+    if (!robot.description.hasDynamics()) {
+        found.M.setConstant(kNan);
+        found.b.setConstant(kNan);
+        found.gravity.setConstant(kNan);
+    }
+    return found;
 }
 
 py::dict makeFriction(const JointFriction& friction) {
@@ -195,6 +201,7 @@ py::dict calcGains(const PythonRobot& robot, double tick_s, const py::object& li
         throw badInput("Robot.gains: delay_ticks",
                        std::to_string(delayTicks) + "; allowed is 0 to " + std::to_string(ArmHardware::kMaxDelay),
                        "Give the ticks from a command to the motor's torque.");
+    requireDynamics(robot.description, "Robot.gains", "the robust loop");
     LinearErrorLoop loop;
     LoopMargins margins;
     {
@@ -341,10 +348,12 @@ n joints, in the order of `joints`. Units: rad, rad/s, Nm; of joints that slide 
             "dynamics",
             [](Robot& r, const py::object& q, const py::object& qd) { return calcAt(r, q, qd, "Robot.dynamics"); },
             py::arg("q"), py::arg("qd") = py::none(),
-            "M, b, gravity, J and tool at q (n,) and qd (n,), at rest without it.")
+            "M, b, gravity, J and tool at q (n,) and qd (n,), at rest without it. NaN where a robot without masses has "
+            "none.")
         .def(
             "forward_dynamics",
             [](Robot& r, const py::object& q, const py::object& qd, const py::object& torque) {
+                requireDynamics(r.description, "Robot.forward_dynamics", "an acceleration by torques");
                 // All arguments first: what converts one may call this robot again.
                 const JointVector position = readVector(q, r.size(), "Robot.forward_dynamics: q");
                 const JointVector velocity = readVectorOrZero(qd, r.size(), "Robot.forward_dynamics: qd");

@@ -68,6 +68,8 @@ struct RobotDescription {
     std::vector<std::string> jointNames() const;
     /** Mass of all that a joint moves, the tool and a payload included [kg]. */
     double movingMass() const;
+    /** False for `dynamics: none`, a robot that takes positions: see withoutDynamics(). */
+    bool hasDynamics() const { return movingMass() > 0.0; }
     /** The joint is prismatic: m and N in place of rad and Nm. */
     bool slides(int joint) const { return joints[static_cast<std::size_t>(joint)].type == JointType::Prismatic; }
 };
@@ -87,6 +89,13 @@ std::filesystem::path findRobot(const std::string& name, const std::vector<std::
 
 /** All robots in the search path; of two with one name the first. */
 std::vector<std::filesystem::path> listRobots(const std::vector<std::filesystem::path>& searchPath);
+
+/** A robot without masses, motors and gravity. Each joint has an inertia of 1, so that torques are accelerations. Plugins
+that need real ones refuse it. */
+RobotDescription withoutDynamics(RobotDescription robot);
+
+/** Throws Error (BadInput) for a robot without masses. @param what  needs them */
+void requireDynamics(const RobotDescription& robot, const std::string& place, const std::string& what);
 
 /** The description with a point mass fixed to the tool frame. @param offset  in the tool frame [m] */
 RobotDescription withPayload(RobotDescription robot, double mass_kg, const Eigen::Vector3d& offset);

@@ -205,7 +205,7 @@ void checkUrdfElements(UrdfDocument& document, ErrorList& errors) {
     const std::vector<bool> carriesMass = tree.findCarried(hasMass);
     for (const int j : tree.outwards) {
         const UrdfTree::Joint& joint = tree.joints[j];
-        if (!joint.isMoving || carriesMass[j]) continue;
+        if (!joint.isMoving || carriesMass[j] || !document.hasBodies()) continue;
         errors.add(document.place(*tree.links[joint.childLink].element),
                    "link " + quoteName(joint.child) + ", moved by joint " + quoteName(joint.name) + ", has no mass",
                    std::string("Give it an <inertial> element with mass and inertia, or make the joint fixed. ") +

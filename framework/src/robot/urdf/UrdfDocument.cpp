@@ -156,7 +156,7 @@ std::string describeFault(tinyxml2::XMLError fault) {
     return std::string("it cannot be read as XML (") + tinyxml2::XMLDocument::ErrorIDToName(fault) + ")";
 }
 
-constexpr std::string_view kXacro = "xacro:";
+constexpr std::string_view kXacro = "xacro:", kModel = "mujoco";
 
 bool isOneOf(std::string_view name, std::initializer_list<std::string_view> names) {
     return std::find(names.begin(), names.end(), name) != names.end();
@@ -205,11 +205,16 @@ UrdfDocument::UrdfDocument(const std::filesystem::path& file, const Expand& expa
     : file_(file.string()), shown_(file_), text_(readText(file)) {
     const XmlElement* xacro = parse(static_cast<bool>(expand));
     if (xacro && expand) {
-        text_ = expand(place(*xacro));
-        shown_ += " (expanded)";
-        notes_ = {file_ + ": xacro was expanded; lines are those of its output"};
+        const bool isModel = xacro->Name() == kModel;
+        text_ = expand(xacro->Name(), place(*xacro));
+        shown_ += isModel ? " (converted)" : " (expanded)";
+        notes_ = {file_ + (isModel ? ": MuJoCo read the model" : ": xacro was expanded") +
+                  "; lines are those of its output"};
         xacro = parse(false);
     }
+    if (xacro && xacro->Name() == kModel)
+        throw badInput(file_, "this is a MuJoCo model (MJCF), not URDF",
+                       "Write `viable new robot NAME --mjcf " + file_ + "`.");
     if (xacro)
         throw badInput(place(*xacro),
                        "this is xacro input, not URDF: <" + std::string(xacro->Name()) + "> still has to be expanded",
@@ -226,10 +231,11 @@ const XmlElement* UrdfDocument::parse(bool dropsUnknown) {
                        "Check that the file is complete and every element is closed.");
     xml_.SetBOM(false);  // the printed text begins with its first character
     const XmlElement* root = xml_.RootElement();
+    if (root && root->Name() == kModel) return root;
     if (!root || std::string_view(root->Name()) != "robot")
         throw badInput(
             file_, "the file's root is " + (root ? "<" + std::string(root->Name()) + ">" : "missing") + ", not <robot>",
-            "Only URDF is read; convert other formats (SDF, MJCF) first.");
+            "Only URDF is read; convert other formats (SDF) first.");
     std::vector<XmlElement*> found, unused, unknown;  // calls of macros that no definition can be of are unknown
     std::set<std::string> macros;
     bool includes = false;
@@ -265,6 +271,12 @@ const XmlElement* UrdfDocument::parse(bool dropsUnknown) {
 }
 
 UrdfDocument::~UrdfDocument() = default;
+
+void UrdfDocument::dropBodies() {
+    hasBodies_ = false;
+    for (XmlElement* link : list("link"))
+        while (XmlElement* inertial = link->FirstChildElement("inertial")) link->DeleteChild(inertial);
+}
 
 std::string UrdfDocument::print() const {
     Printer printer;

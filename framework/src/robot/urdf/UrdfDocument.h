@@ -29,11 +29,13 @@ inline constexpr const char* kAssumed = "assumed";
 /** A URDF file as XML elements, which can be changed before the robot is read from them. */
 class UrdfDocument {
 public:
-    /** Gives the text of a xacro file as URDF. @param where  the element that needs it: file:line:column */
-    using Expand = std::function<std::string(const std::string& where)>;
+    /** Gives the text of a xacro file or a MuJoCo model as URDF.
+    @param element  that needs it, <mujoco> for a model
+    @param where  file:line:column of it */
+    using Expand = std::function<std::string(const std::string& element, const std::string& where)>;
 
     /** Throws Error (BadInput): the file cannot be read, or is no URDF at all. What of xacro changes nothing is left out.
-    @param expand  for other xacro; none: it is refused */
+    @param expand  for other xacro and for models; none: they are refused */
     explicit UrdfDocument(const std::filesystem::path& file, const Expand& expand = {});
     ~UrdfDocument();  // there, so that other libraries need not link to tinyxml2
 
@@ -42,6 +44,9 @@ public:
     const std::string& text() const { return text_; }
     /** What of the file was left out or expanded, one sentence each. */
     const std::vector<std::string>& notes() const { return notes_; }
+    /** Takes every <inertial> out; from now on no link needs one. */
+    void dropBodies();
+    bool hasBodies() const { return hasBodies_; }
     /** The elements as they are now. */
     std::string print() const;
     XmlElement& root() { return *xml_.RootElement(); }
@@ -53,11 +58,12 @@ public:
 private:
     /** Parses the text.
     @param dropsUnknown  leaves calls of macros out that the file neither defines nor includes
-    @return  the first element that xacro must expand; null: none */
+    @return  the first element that xacro must expand, or the root of a MuJoCo model; null: none */
     const XmlElement* parse(bool dropsUnknown);
 
     std::string file_, shown_, text_;  ///< `shown_`: for places
     std::vector<std::string> notes_;
+    bool hasBodies_ = true;
     tinyxml2::XMLDocument xml_{true, tinyxml2::COLLAPSE_WHITESPACE};
     std::unordered_map<const XmlElement*, std::size_t> columns_;  ///< where the file's elements begin in their lines
 };

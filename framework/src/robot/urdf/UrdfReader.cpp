@@ -162,6 +162,7 @@ private:
         }
         ErrorList errors;
         for (const JointDescription& joint : robot.joints) {
+            if (!document_.hasBodies()) continue;
             const std::string fault = findInertiaFault(joint.body.inertia, true);
             if (!fault.empty())
                 errors.add(document_.place(*tree_.links[tree_.find.at(joint.childLink)].element),
@@ -248,8 +249,9 @@ UrdfRobot readUrdf(UrdfDocument& document, ErrorList errors) {
     return UrdfFileReader(document).read();
 }
 
-UrdfRobot readUrdf(const std::filesystem::path& file) {
+UrdfRobot readUrdf(const std::filesystem::path& file, bool hasBodies) {
     UrdfDocument document(file);
+    if (!hasBodies) document.dropBodies();
     ErrorList errors;
     checkUrdfTree(document, errors);
     return readUrdf(document, errors);

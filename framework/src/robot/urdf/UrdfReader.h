@@ -41,8 +41,9 @@ struct UrdfRobot {
 };
 
 /** Reads a URDF file; throws Error (BadInput) with all that is wrong with it, each with the line of the joint or link at
-fault. Limits are handed on as written; the caller checks those it uses. */
-UrdfRobot readUrdf(const std::filesystem::path& file);
+fault. Limits are handed on as written; the caller checks those it uses.
+@param hasBodies  false: masses are not read, and need not be there */
+UrdfRobot readUrdf(const std::filesystem::path& file, bool hasBodies = true);
 
 /** The same of a document. @param errors  of checkUrdfTree(), told with those found here */
 UrdfRobot readUrdf(UrdfDocument& document, ErrorList errors);
