@@ -89,8 +89,8 @@ class WithoutMasses(unittest.TestCase):
                   " walk: [{{time_s: 0, xyz: [3, 3, 0]}}], latency_s: 0.05, error_m: 0.02, {}}}}}}}\n")
         filters = "filter: {plugin: certified_braking}"
         files = {
-            hand + real.format("simbody", "none, accept_unstable: true"): "a simulated real arm needs them",
-            hand + real.format("ideal", "nric"): "the robust loop needs them",
+            hand + real.format("link", "none, accept_unstable: true"): "a real arm that takes torques needs them",
+            hand + real.format("ideal", "nric"): "a real arm that takes torques needs them",
             hand.replace(filters, "filter: {plugin: whole_arm_braking, torque_share: 0.9}"): "a limit of the torque needs them",
             hand.replace(filters, "filter: {plugin: whole_arm_braking, torque_rate_Nmps: 100}"): "a limit of the torque needs them",
             "\n".join(line for line in hand.splitlines() if not line.startswith("environment")) + "\n" + people.format("body_part: hand"): "contact_speed_mps.* needs them",

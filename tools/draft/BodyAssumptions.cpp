@@ -21,9 +21,9 @@ are met in the middle. */
 constexpr double kTubeShare = 0.035;
 /** Length of an arm whose joints all lie in one point [m]. */
 constexpr double kSmallArm = 0.1;
-/** A mesh encloses what it draws where its faces, as vectors, add up to no more than this share of their area. A capsule
-that stands for one with holes is filled so far. */
-constexpr double kClosed = 1e-3, kFill = 0.6;
+/** A mesh encloses what it draws where its faces, as vectors, add up to no more than this share of their area, and where it
+is as thick as this in the mean [m]. A capsule that stands for another mesh is filled so far. */
+constexpr double kClosed = 1e-3, kThinnest = 5e-4, kFill = 0.6;
 /** A drawn link is in another unit where it is longer than this [m], and than so many times the arm. */
 constexpr double kLargestLink = 10.0, kLargestShare = 10.0;
 
@@ -39,7 +39,7 @@ BodyInertia calcCapsule(const DraftCapsule& c) {
 }
 
 /** Moments of the volume that triangles enclose: sums over the tetrahedra to a point among them. None where they leave
-holes. */
+holes, or are drawn from both sides. */
 BodyInertia calcEnclosed(const Mesh& mesh) {
     const auto get = [&](std::size_t i) {
         const float* p = mesh.positions.data() + 3 * static_cast<std::size_t>(mesh.indices[i]);
@@ -62,7 +62,8 @@ BodyInertia calcEnclosed(const Mesh& mesh) {
         first += volume / 4.0 * sum;
         second += volume / 20.0 * (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose());
     }
-    if (faces.norm() > kClosed * area) return {};
+    // A plate has its faces twice; `area` counts them twice as well.
+    if (faces.norm() > kClosed * area || std::abs(body.mass) < kThinnest * area / 4.0) return {};
     if (body.mass < 0.0) {  // faces turned inwards
         body.mass = -body.mass;
         first = -first;

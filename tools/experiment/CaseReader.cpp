@@ -155,8 +155,10 @@ CasePlan readCase(const ConfigNode& node, const std::string& name, const std::st
     require("controller",
             [&](const ConfigNode& block) { plan.controller = read(block, PluginKind::NominalController); });
     require("filter", [&](const ConfigNode& block) { plan.filters = readFilters(block, loader, joints); });
-    map.readOptional("real_plant",
-                     [&](const ConfigNode& block) { plan.realPlant = read(block, PluginKind::RealPlant); });
+    map.readOptional("real_plant", [&](const ConfigNode& block) {
+        requireDynamics(plan.robot, block.place(), "a real arm that takes torques");
+        plan.realPlant = read(block, PluginKind::RealPlant);
+    });
     map.readOptional("robust_loop",
                      [&](const ConfigNode& block) { plan.robustLoop = read(block, PluginKind::RobustLoop); });
     map.readOptional("external_torque", [&](const ConfigNode& value) {
