@@ -23,7 +23,7 @@ constexpr double kTubeShare = 0.035;
 constexpr double kSmallArm = 0.1;
 /** A mesh encloses what it draws where its faces, as vectors, add up to no more than this share of their area, and where it
 is as thick as this in the mean [m]. A capsule that stands for another mesh is filled so far. */
-constexpr double kClosed = 1e-3, kThinnest = 5e-4, kFill = 0.6;
+constexpr double kClosed = 1e-3, kThinnestPlate = 5e-4, kFill = 0.6;
 /** A drawn link is in another unit where it is longer than this [m], and than so many times the arm. */
 constexpr double kLargestLink = 10.0, kLargestShare = 10.0;
 
@@ -63,7 +63,7 @@ BodyInertia calcEnclosed(const Mesh& mesh) {
         second += volume / 20.0 * (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose());
     }
     // A plate has its faces twice; `area` counts them twice as well.
-    if (faces.norm() > kClosed * area || std::abs(body.mass) < kThinnest * area / 4.0) return {};
+    if (faces.norm() > kClosed * area || std::abs(body.mass) < kThinnestPlate * area / 4.0) return {};
     if (body.mass < 0.0) {  // faces turned inwards
         body.mass = -body.mass;
         first = -first;
