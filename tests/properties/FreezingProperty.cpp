@@ -33,6 +33,8 @@ constexpr double kLeastMoving = 0.985;
 or by this where it has no figure [rad]. */
 constexpr double kStands_s = 12.0, kRested_s = 1.0, kCount_rad = 2.0 * kPi / (1 << 19);
 constexpr double kArrived_rad = 1e-3;
+/** Where an arm cannot start in so many tries another arm and scene are drawn: some never can. */
+constexpr int kTriesToStart = 20;
 /** One run in so many may move on; and so many targets at least are reached (an obstacle bars the others). */
 constexpr std::int64_t kRunsPerRestless = 200;
 constexpr double kLeastReached = 0.5;
@@ -507,18 +509,22 @@ bool checkRests(const Options& options, const char* property, Law law) {
     Figures arrivals;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());
-        const int which = random.integer(0, law == Law::Tool ? 3 : 2);
         std::optional<ReachingRobot> drawn;
-        ReachingRobot& robot = which < 3 ? robots[which] : drawn.emplace(drawRobot(robots[1], random));
-        Scene scene;
-        do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
-        while (scene == Scene::Balls);  // those move
+        ReachingRobot* robot = nullptr;
+        Scene scene{};
         std::unique_ptr<FreezingCase> arm;
-        do arm = std::make_unique<FreezingCase>(robot, random, scene, map.path, law);
-        while (!arm->begin());
+        for (int tries = 0; !arm || !arm->begin(); ++tries) {
+            if (tries % kTriesToStart == 0) {
+                const int which = random.integer(0, law == Law::Tool ? 3 : 2);
+                robot = which < 3 ? &robots[which] : &drawn.emplace(drawRobot(robots[1], random));
+                do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
+                while (scene == Scene::Balls);  // those move
+            }
+            arm = std::make_unique<FreezingCase>(*robot, random, scene, map.path, law);
+        }
         for (int tick = 0; tick * kTick_s < kStands_s; ++tick) {
             const double missing = arm->step(tick);
-            run.addSteps(robot.description.size());
+            run.addSteps(robot->description.size());
             if (missing > 0.0) run.fail("nearer than the safety distance", missing);
         }
         arm->end();
@@ -531,12 +537,12 @@ bool checkRests(const Options& options, const char* property, Law law) {
         if (moved > 1.0) {
             ++swings;
             std::printf("  run %lld, %s, %s: at the end moves by %.3g counts\n", static_cast<long long>(run.arm()),
-                        robot.description.name.c_str(), name, moved);
+                        robot->description.name.c_str(), name, moved);
         }
         if (arm->frozenTicks > 0) {
             ++frozen;
             std::printf("  run %lld, %s, %s: frozen for %.1f s: %s\n", static_cast<long long>(run.arm()),
-                        robot.description.name.c_str(), name, static_cast<double>(arm->frozenTicks) * kTick_s,
+                        robot->description.name.c_str(), name, static_cast<double>(arm->frozenTicks) * kTick_s,
                         arm->describe().c_str());
         }
     }
