@@ -2,11 +2,16 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <map>
+#include <random>
+#include <set>
 
 #include "Properties.h"
 #include "PushedArm.h"
+#include "environment/ArmClearances.h"
 #include "environment/CollisionChecker.h"
 #include "robot/ArmReach.h"
+#include "robot/PoseSampling.h"
 #include "tracking/JointFollower.h"
 
 namespace viable {
@@ -26,6 +31,9 @@ constexpr double kMargin_m = 0.02;
 constexpr double kNearer_m = 1e-6;
 constexpr double kHorizon_m = 0.1, kAllowed_m = 1e-8;
 constexpr int kTicksPerJudged = 20;
+/** Links nearer than kMargin_m in more than this share of so many random poses may touch. */
+constexpr double kNearlyAlways = 0.95;
+constexpr int kPoses = 200;
 /** One run in so many may be frozen once, and so much of all time not. */
 constexpr std::int64_t kRunsPerFrozen = 500;
 constexpr double kLeastMoving = 0.985;
@@ -47,7 +55,32 @@ struct ReachingRobot : Robot {
     Eigen::AlignedBox3d reach;
 };
 
-/** A Panda of other lengths and limits, often with one more joint at its base. */
+/** As `viable new robot` does: links that are near each other in nearly all poses may touch. */
+void letTouch(const RobotDescription& robot, ArmGeometry& geometry) {
+    const auto getLinks = [&](int first, int second) {
+        const auto& capsules = geometry.capsules;
+        return std::pair(capsules[static_cast<std::size_t>(first)].link,
+                         capsules[static_cast<std::size_t>(second)].link);
+    };
+    ArmClearances clearances(robot, geometry);
+    std::map<std::pair<int, int>, int> nearPoses;
+    std::mt19937_64 random(1);
+    for (int k = 0; k < kPoses; ++k) {
+        std::set<std::pair<int, int>> near;
+        const JointVector q = detail::drawPose(robot.limits.position, random);
+        for (const ArmClearances::Item& item : clearances.find(q, nullptr, 0.0, kMargin_m))
+            near.insert(getLinks(item.capsule, item.otherCapsule));
+        for (const auto& links : near) ++nearPoses[links];
+    }
+    auto& pairs = geometry.pairs;
+    pairs.erase(std::remove_if(pairs.begin(), pairs.end(),
+                               [&](const auto& pair) {
+                                   return nearPoses[getLinks(pair.first, pair.second)] > kNearlyAlways * kPoses;
+                               }),
+                pairs.end());
+}
+
+/** A Panda of other sizes and limits, often with one more joint at its base. */
 ReachingRobot drawRobot(const Robot& panda, Random& random) {
     RobotDescription d = panda.description;
     ArmGeometry geometry = panda.geometry;
@@ -56,8 +89,10 @@ ReachingRobot drawRobot(const Robot& panda, Random& random) {
     for (double& x : scale) x = random.uniform(0.7, 1.4);
     for (std::size_t i = 0; i < d.joints.size(); ++i) d.joints[i].placement.translation() *= scale[i];
     for (LinkCapsule& capsule : geometry.capsules) {
-        capsule.a *= scale[static_cast<std::size_t>(capsule.carrier + 1)];
-        capsule.b *= scale[static_cast<std::size_t>(capsule.carrier + 1)];
+        const double x = scale[static_cast<std::size_t>(capsule.carrier + 1)];
+        capsule.a *= x;
+        capsule.b *= x;
+        capsule.radius *= x;
     }
     JointLimits& l = d.limits;
     if (random.chance(0.7)) {
@@ -81,6 +116,7 @@ ReachingRobot drawRobot(const Robot& panda, Random& random) {
         for (JointBounds* bounds : {&l.velocity, &l.acceleration, &l.jerk})
             bounds->lower[i] *= x, bounds->upper[i] *= x;
     }
+    letTouch(d, geometry);
     return ReachingRobot(d, geometry);
 }
 
