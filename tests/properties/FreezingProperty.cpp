@@ -2,11 +2,16 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <map>
+#include <random>
+#include <set>
 
 #include "Properties.h"
 #include "PushedArm.h"
+#include "environment/ArmClearances.h"
 #include "environment/CollisionChecker.h"
 #include "robot/ArmReach.h"
+#include "robot/PoseSampling.h"
 #include "tracking/JointFollower.h"
 
 namespace viable {
@@ -26,6 +31,9 @@ constexpr double kMargin_m = 0.02;
 constexpr double kNearer_m = 1e-6;
 constexpr double kHorizon_m = 0.1, kAllowed_m = 1e-8;
 constexpr int kTicksPerJudged = 20;
+/** Links nearer than kMargin_m in more than this share of so many random poses may touch. */
+constexpr double kNearlyAlways = 0.95;
+constexpr int kPoses = 200;
 /** One run in so many may be frozen once, and so much of all time not. */
 constexpr std::int64_t kRunsPerFrozen = 500;
 constexpr double kLeastMoving = 0.985;
@@ -33,6 +41,8 @@ constexpr double kLeastMoving = 0.985;
 or by this where it has no figure [rad]. */
 constexpr double kStands_s = 12.0, kRested_s = 1.0, kCount_rad = 2.0 * kPi / (1 << 19);
 constexpr double kArrived_rad = 1e-3;
+/** Where an arm cannot start in so many tries another arm and scene are drawn: some never can. */
+constexpr int kTriesToStart = 20;
 /** One run in so many may move on; and so many targets at least are reached (an obstacle bars the others). */
 constexpr std::int64_t kRunsPerRestless = 200;
 constexpr double kLeastReached = 0.5;
@@ -45,7 +55,32 @@ struct ReachingRobot : Robot {
     Eigen::AlignedBox3d reach;
 };
 
-/** A Panda of other lengths and limits, often with one more joint at its base. */
+/** As `viable new robot` does: links that are near each other in nearly all poses may touch. */
+void letTouch(const RobotDescription& robot, ArmGeometry& geometry) {
+    const auto getLinks = [&](int first, int second) {
+        const auto& capsules = geometry.capsules;
+        return std::pair(capsules[static_cast<std::size_t>(first)].link,
+                         capsules[static_cast<std::size_t>(second)].link);
+    };
+    ArmClearances clearances(robot, geometry);
+    std::map<std::pair<int, int>, int> nearPoses;
+    std::mt19937_64 random(1);
+    for (int k = 0; k < kPoses; ++k) {
+        std::set<std::pair<int, int>> near;
+        const JointVector q = detail::drawPose(robot.limits.position, random);
+        for (const ArmClearances::Item& item : clearances.find(q, nullptr, 0.0, kMargin_m))
+            near.insert(getLinks(item.capsule, item.otherCapsule));
+        for (const auto& links : near) ++nearPoses[links];
+    }
+    auto& pairs = geometry.pairs;
+    pairs.erase(std::remove_if(pairs.begin(), pairs.end(),
+                               [&](const auto& pair) {
+                                   return nearPoses[getLinks(pair.first, pair.second)] > kNearlyAlways * kPoses;
+                               }),
+                pairs.end());
+}
+
+/** A Panda of other sizes and limits, often with one more joint at its base. */
 ReachingRobot drawRobot(const Robot& panda, Random& random) {
     RobotDescription d = panda.description;
     ArmGeometry geometry = panda.geometry;
@@ -54,8 +89,10 @@ ReachingRobot drawRobot(const Robot& panda, Random& random) {
     for (double& x : scale) x = random.uniform(0.7, 1.4);
     for (std::size_t i = 0; i < d.joints.size(); ++i) d.joints[i].placement.translation() *= scale[i];
     for (LinkCapsule& capsule : geometry.capsules) {
-        capsule.a *= scale[static_cast<std::size_t>(capsule.carrier + 1)];
-        capsule.b *= scale[static_cast<std::size_t>(capsule.carrier + 1)];
+        const double x = scale[static_cast<std::size_t>(capsule.carrier + 1)];
+        capsule.a *= x;
+        capsule.b *= x;
+        capsule.radius *= x;
     }
     JointLimits& l = d.limits;
     if (random.chance(0.7)) {
@@ -79,6 +116,7 @@ ReachingRobot drawRobot(const Robot& panda, Random& random) {
         for (JointBounds* bounds : {&l.velocity, &l.acceleration, &l.jerk})
             bounds->lower[i] *= x, bounds->upper[i] *= x;
     }
+    letTouch(d, geometry);
     return ReachingRobot(d, geometry);
 }
 
@@ -507,18 +545,22 @@ bool checkRests(const Options& options, const char* property, Law law) {
     Figures arrivals;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());
-        const int which = random.integer(0, law == Law::Tool ? 3 : 2);
         std::optional<ReachingRobot> drawn;
-        ReachingRobot& robot = which < 3 ? robots[which] : drawn.emplace(drawRobot(robots[1], random));
-        Scene scene;
-        do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
-        while (scene == Scene::Balls);  // those move
+        ReachingRobot* robot = nullptr;
+        Scene scene{};
         std::unique_ptr<FreezingCase> arm;
-        do arm = std::make_unique<FreezingCase>(robot, random, scene, map.path, law);
-        while (!arm->begin());
+        for (int tries = 0; !arm || !arm->begin(); ++tries) {
+            if (tries % kTriesToStart == 0) {
+                const int which = random.integer(0, law == Law::Tool ? 3 : 2);
+                robot = which < 3 ? &robots[which] : &drawn.emplace(drawRobot(robots[1], random));
+                do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
+                while (scene == Scene::Balls);  // those move
+            }
+            arm = std::make_unique<FreezingCase>(*robot, random, scene, map.path, law);
+        }
         for (int tick = 0; tick * kTick_s < kStands_s; ++tick) {
             const double missing = arm->step(tick);
-            run.addSteps(robot.description.size());
+            run.addSteps(robot->description.size());
             if (missing > 0.0) run.fail("nearer than the safety distance", missing);
         }
         arm->end();
@@ -531,12 +573,12 @@ bool checkRests(const Options& options, const char* property, Law law) {
         if (moved > 1.0) {
             ++swings;
             std::printf("  run %lld, %s, %s: at the end moves by %.3g counts\n", static_cast<long long>(run.arm()),
-                        robot.description.name.c_str(), name, moved);
+                        robot->description.name.c_str(), name, moved);
         }
         if (arm->frozenTicks > 0) {
             ++frozen;
             std::printf("  run %lld, %s, %s: frozen for %.1f s: %s\n", static_cast<long long>(run.arm()),
-                        robot.description.name.c_str(), name, static_cast<double>(arm->frozenTicks) * kTick_s,
+                        robot->description.name.c_str(), name, static_cast<double>(arm->frozenTicks) * kTick_s,
                         arm->describe().c_str());
         }
     }

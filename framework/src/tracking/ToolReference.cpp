@@ -346,14 +346,15 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
         findNear(surroundings, time_s, options_.apart_m);
         leadApart(std::min(kApartWeight + damping / std::max(size, 1e-9), kLargestApartWeight));
     }
-    lastGoal_.resize(7);
-    lastGoal_ << command.position, command.orientation.coeffs();
+    lastGoal_ = (JointVector(7) << command.position, command.orientation.coeffs()).finished();
     if (isAtRest(lastGoal_)) return;
     findBox(around);
     applyStep();
+    const bool isAtEnd =
+        around &&
+        (step_.array() <= (around->lower - q_).array() || step_.array() >= (around->upper - q_).array()).any();
     q_ += step_;
-    // One that something holds, such as a person, goes on when that is gone.
-    if ((step_.array() <= slowest_.array() || step_.array() >= fastest_.array()).any()) tremble_.reset(q_);
+    if (isAtEnd) tremble_.reset(q_);  // it goes on when what holds the arm, such as a person, is gone
     if (clear_ && tremble_.find(q_)) rest(q_);
 }
 
