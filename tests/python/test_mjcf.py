@@ -73,8 +73,7 @@ class Files(unittest.TestCase):
         for text, cause in refused.items():
             path.write_text(text) if text else path.unlink()
             done = subprocess.run([sys.executable, "-B", SCRIPT, path], capture_output=True, text=True, timeout=60)
-            self.assertEqual(done.returncode, 93, done.stderr)
-            self.assertRegex(done.stderr, f"^.*{cause}.*\n.*\n$")
+            self.assertRegex(f"{done.returncode} {done.stderr}", f"^93 .*{cause}.*\n.*\n$")
 
     def test_names_forge_no_line_and_meet_no_other(self):
         sys.path.append(str(SCRIPT.parent))
@@ -82,8 +81,7 @@ class Files(unittest.TestCase):
         writer = object.__new__(mjcf_to_urdf.Writer)  # which needs MuJoCo
         writer.notes, writer.taken = [], {"b_fixed"}
         writer.note("no actuator moves ", ["a\n<robot>\u2028", "b"])
-        self.assertEqual(writer.notes, ["note: no actuator moves a <robot> , b"])
-        self.assertEqual([writer.name_new("b_fixed"), writer.name_new("b_fixed")], ["b_fixed_", "b_fixed__"])
+        self.assertEqual([writer.name_new("b_fixed"), writer.name_new("b_fixed"), *writer.notes], ["b_fixed_", "b_fixed__", "note: no actuator moves a <robot> , b"])
 
 
 class Models(unittest.TestCase):
@@ -184,7 +182,7 @@ class Models(unittest.TestCase):
         path = self.write(make_arm(7, f"<equality><weld body1='b1'/>{''.join(f'<joint {rule}/>' for rule in rules)}</equality>"))
         robot, worst = self.take(path, "led")
         self.assertLess(max(worst), 1e-9)
-        _, _, said = call("new", "robot", "again", "--mjcf", path, "--assume", "--out", self.out)
+        said = call("new", "robot", "again", "--mjcf", path, "--assume", "--out", self.out)[2]
         self.assertRegex(said, "j0 at 0 [(]a closed loop[)], j1 at 0.1 [(]a closed loop[)], j4 at 0.7 [(]an equality[)], j3 at 0.79")
         self.assertRegex(said, f"`j6` is frozen at {0.7 + 0.5 * (robot.home[0] - 0.05):.3f}[0-9]*: it mimics joint `j2`")
 
