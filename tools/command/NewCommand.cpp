@@ -89,7 +89,7 @@ void writeNewFolder(const NewArguments& arguments) {
         {"--urdf", !arguments.urdf.empty()}, {"--mjcf", !arguments.mjcf.empty()},
         {"--base", !arguments.base.empty()}, {"--tip", !arguments.tip.empty()},
         {"--fix", !arguments.fixed.empty()}, {"--at", !arguments.at.empty()},
-        {"--assume", arguments.assumes},     {"--without-masses", !arguments.hasBodies}};
+        {"--assume", arguments.assumes},     {"--without-masses", arguments.isMassless}};
     for (const auto& [option, isGiven] : robotOptions)
         if (isGiven)
             throw badInput("new " + arguments.kind, std::string(option) + " is for robots only",
@@ -127,7 +127,7 @@ void addNewCommand(CLI::App& app, int&) {
                       "Robots: assume what a URDF does not hold or holds wrongly, and say so, for a first run at once. "
                       "Only for files that you trust: xacro, which expands them, evaluates their expressions");
     command->add_flag(
-        "!--without-masses", arguments->hasBodies,
+        "--without-masses", arguments->isMassless,
         "Robots: of a robot that takes positions: no masses and motors, so what needs torques is refused");
     command->add_option("--out", arguments->out,
                         "Folder for the new folder; created where it is missing (default: the current one)");

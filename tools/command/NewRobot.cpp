@@ -329,7 +329,7 @@ void writeRobot(const NewRobotArguments& arguments) {
     const RobotDraft draft =
         readRobotDraft(given, {{arguments.base, arguments.tip, arguments.fixed, arguments.at},
                                arguments.assumes,
-                               arguments.hasBodies,
+                               !arguments.isMassless,
                                arguments.mjcf.empty() ? fs::path() : findShared("mjcf_to_urdf.py").lexically_normal()});
     const std::map<std::string, std::string> replacements = makeReplacements(arguments, draft);
     FolderFiles files = fillTemplate(getTemplates() / "robot", replacements);

@@ -9,7 +9,7 @@ namespace viable {
 struct NewRobotArguments {
     std::string name, urdf, mjcf, out, base, tip;
     std::vector<std::string> fixed, at;
-    bool assumes = false, hasBodies = true;
+    bool assumes = false, isMassless = false;
 
     const std::string& file() const { return mjcf.empty() ? urdf : mjcf; }
 };
