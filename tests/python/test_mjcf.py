@@ -178,8 +178,9 @@ class Models(unittest.TestCase):
         self.assertIn("limits kept", verdict)
 
     def test_joints_that_others_lead_are_frozen(self):
-        rules = ('joint1="j6" joint2="j2" polycoef="0.1 0.5"', 'joint1="j3" joint2="j4" polycoef="0.1 1 1"', 'joint1="j4" polycoef="0.3"')
-        path = self.write(make_arm(7, f"<equality><weld body1='b1'/>{''.join(f'<joint {rule}/>' for rule in rules)}</equality>"))
+        rules = ('joint1="j6" joint2="j2" polycoef="0.1 0.5"', 'joint1="j3" joint2="j4" polycoef="0.1 1 1"', 'joint1="j4" polycoef="0.3"',
+                 'joint1="j1" joint2="j5"', 'joint1="j7" joint2="j1" polycoef="0.2 1 1"')
+        path = self.write(make_arm(8, f"<equality><weld body1='b1'/>{''.join(f'<joint {rule}/>' for rule in rules)}</equality>"))
         robot, worst = self.take(path, "led")
         self.assertLess(max(worst), 1e-9)
         said = call("new", "robot", "again", "--mjcf", path, "--assume", "--out", self.out)[2]

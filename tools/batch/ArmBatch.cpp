@@ -160,7 +160,10 @@ struct ArmBatch::Impl {
         ticks.assign(count(arms), 0);
         if (options.action == BatchAction::Torque)
             requireDynamics(robot, "ArmBatchOptions::action", "an arm moved by torques");
-        if (!options.plant.empty()) makePlants();
+        if (!options.plant.empty()) {
+            requireDynamics(robot, "ArmBatchOptions::plant", "a real arm that takes torques");
+            makePlants();
+        }
         const JointVector zero = JointVector::Zero(n);
         RunSetup atHome = setup;
         detail::checkGuardStart(kArmBatch, {robot.home, zero, zero}, atHome);

@@ -61,7 +61,7 @@ def check_files(model):
         if not waiting:
             waiting = {place for place in find_places(folders, nested) - seen if os.path.isfile(place) and within(inside, place)}
     for value in sorted(parts):
-        for path in filter(os.path.exists, find_places(folders, (value,))):
+        for path in {os.path.realpath(place) for place in find_places(folders, (value,)) if os.path.exists(place)}:
             if not within(inside, path):
                 refuse(f"it names the file {value}, outside of its folder", "Copy what the model needs into the folder of its file.")
             size = os.path.getsize(path)
@@ -138,7 +138,7 @@ class Writer:
             led = [int(m.wrap_objid[w]) for w in wraps if m.wrap_type[w] == mujoco.mjtWrap.mjWRAP_JOINT]
             if len(led) > 1:
                 self.frozen.update((j, ("a tendon", self.zero[j])) for j in led)
-        left = dict(coupled)
+        left = {j: c for j, c in coupled.items() if j not in self.frozen}
         while still := [j for j, (leader, _) in left.items() if leader not in left and (leader < 0 or leader in self.frozen)]:
             leader, curve = left.pop(still[0])
             x = self.frozen[leader][1] - self.zero[leader] if leader >= 0 else 0.0
@@ -348,6 +348,7 @@ def turn_about(axis, angle):
 
 if __name__ == "__main__":
     given = os.path.abspath(sys.argv[1])
+    sys.stdout.reconfigure(encoding="utf-8")
     found = check_files(given)
     loaded = load(given)
     try:
