@@ -281,7 +281,6 @@ struct ArmBatch::Impl {
             const int begin = static_cast<int>(k) * chunk;
             work(begin, std::min(items, begin + chunk));
         };
-        const std::size_t threads = options.threads > 0 ? count(options.threads) : detail::countCores();
         detail::forEachAtOnce(count((items + chunk - 1) / chunk), workChunk,
                               std::min(threads, static_cast<std::size_t>(mostThreads)));
     }
@@ -522,6 +521,7 @@ struct ArmBatch::Impl {
     const int n, arms;
     const bool isTool;  // the action
     const int width;    // numbers of an action
+    const std::size_t threads = options.threads > 0 ? count(options.threads) : detail::countCores();  // at most
     const RunSetup setup;
     const std::shared_ptr<const ArmRecursion> recursion;  // of all nominal arms
     const ToolFreedom freedom;

@@ -17,6 +17,7 @@
 #include <sstream>
 #include <utility>
 
+#include "core/AtOnce.h"
 #include "core/Descriptor.h"
 #include "core/Text.h"
 #include "core/WholeFile.h"
@@ -475,10 +476,7 @@ SystemAnswers askSystem(int priority) {
     answers.priorityError = tryPriority(priority);
     const detail::Descriptor latencyFile(open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC));
     answers.latencyFileError = latencyFile < 0 ? errno : 0;
-    cpu_set_t processors;
-    CPU_ZERO(&processors);
-    if (sched_getaffinity(0, sizeof processors, &processors) == 0)
-        answers.processors = std::max(1, CPU_COUNT(&processors));
+    answers.processors = std::max(1, static_cast<int>(detail::countCores()));
     answers.sharedMemoryError = trySharedMemory(answers.sharedMemorySize);
     answers.udpError = tryUdp(answers.udpBuffer);
     return answers;

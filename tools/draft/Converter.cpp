@@ -29,8 +29,8 @@ struct Limits {
     rlim_t memory_B;
 };
 
-/** The child's side: becomes the command. */
-[[noreturn]] void become(const Command& command, const Limits& most, std::FILE* out, std::FILE* err) {
+/** The child's side: becomes the command. @param words  of it, and a null pointer */
+[[noreturn]] void become(char* const* words, const Limits& most, std::FILE* out, std::FILE* err) {
     const std::pair<int, rlim_t> limits[] = {
         {RLIMIT_AS, most.memory_B}, {RLIMIT_CPU, static_cast<rlim_t>(most.work_s)}, {RLIMIT_FSIZE, kMaxUrdfBytes + 1}};
     setpgid(0, 0);  // its own group, with all that it starts
@@ -38,14 +38,10 @@ struct Limits {
         const rlimit limit{value, value};
         setrlimit(what, &limit);
     }
-    setenv("OPENBLAS_NUM_THREADS", "1", 1);  // each thread reserves memory
     dup2(open("/dev/null", O_RDONLY), STDIN_FILENO);
     dup2(fileno(out), STDOUT_FILENO);
     dup2(fileno(err), STDERR_FILENO);
-    std::vector<char*> words;
-    for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
-    words.push_back(nullptr);
-    execvp(words[0], words.data());
+    execvp(words[0], words);
     _exit(kNotInstalled);
 }
 
@@ -63,8 +59,11 @@ std::string run(const Command& command, const Limits& limits, const Refuse& refu
     const std::string& name = command.front();
     const File out(std::tmpfile(), std::fclose), err(std::tmpfile(), std::fclose);
     if (!out || !err) throw std::system_error(errno, std::generic_category(), "no file for the output of " + name);
+    std::vector<char*> words;
+    for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
+    words.push_back(nullptr);
     const pid_t child = forkChild(("for " + name).c_str());
-    if (child == 0) become(command, limits, out.get(), err.get());
+    if (child == 0) become(words.data(), limits, out.get(), err.get());
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(limits.time_s);
     int status = 0;
     while (waitpid(child, &status, WNOHANG) == 0) {

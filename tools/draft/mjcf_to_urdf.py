@@ -83,6 +83,7 @@ def within(folder, path):
 
 def load(path):
     os.environ.setdefault("MUJOCO_GL", "disable")  # nothing is drawn
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each thread reserves memory
     os.chdir("/proc/self")  # where nobody can write: the library leaves a log of its warnings wherever it is
     try:
         global mujoco, np

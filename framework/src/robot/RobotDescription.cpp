@@ -285,16 +285,17 @@ bool leavesDynamicsOut(const fs::path& actuationFile) try {
 
 void readActuationFile(const fs::path& path, RobotDescription& robot) {
     const int n = robot.size();
+    const ConfigNode root = readConfigFile(path);
     ErrorList errors;
-    if (leavesDynamicsOut(path)) {
+    if (root.find("dynamics")) {
         KinematicFile kinematic;
-        readRobotFile(readConfigFile(path), kinematic, robot, errors);
+        readRobotFile(root, kinematic, robot, errors);
         errors.throwIfAny(path.string());
         robot = withoutDynamics(std::move(robot));
         return;
     }
     ActuationFile file;
-    readRobotFile(readConfigFile(path), file, robot, errors);
+    readRobotFile(root, file, robot, errors);
     errors.throwIfAny(path.string());
     Actuation& actuation = robot.actuation;
     actuation.gearRatio = file.gearRatio.expand(n);
