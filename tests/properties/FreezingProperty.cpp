@@ -37,9 +37,9 @@ constexpr int kPoses = 200;
 /** One run in so many may be frozen once, and so much of all time not. */
 constexpr std::int64_t kRunsPerFrozen = 500;
 constexpr double kLeastMoving = 0.985;
-/** A target stands so long; within the rest of it an arm that does not swing moves no joint by more than a count of its encoder,
-or by this where it has no figure [rad]. */
-constexpr double kStands_s = 12.0, kRested_s = 1.0, kCount_rad = 2.0 * kPi / (1 << 19);
+/** A target stands so long, one of the tool longer, as spare joints go to their rest; within the end of it an arm that does not
+swing moves no joint by more than a count of its encoder, or by this where it has no figure [rad]. */
+constexpr double kStands_s = 12.0, kToolStands_s = 30.0, kRested_s = 1.0, kCount_rad = 2.0 * kPi / (1 << 19);
 constexpr double kArrived_rad = 1e-3;
 /** Where an arm cannot start in so many tries another arm and scene are drawn: some never can. */
 constexpr int kTriesToStart = 20;
@@ -339,7 +339,7 @@ public:
         const bool isThere = tool_ ? (dynamics_.tool.position - hand_.position).norm() <= kArrived_rad
                                    : (goal_ - state_.q).cwiseAbs().maxCoeff() <= kArrived_rad;
         if (!isThere) arrival_s = t + kTick_s;
-        if (t < kStands_s - kRested_s) {
+        if (t < stands_s() - kRested_s) {
             least_ = most_ = rested_ = state_.q;
             path_.setZero(n());
         } else {
@@ -353,6 +353,7 @@ public:
         return missing > kAllowed_m ? missing : 0.0;
     }
     void end() { countEpisode(); }
+    double stands_s() const { return tool_ ? kToolStands_s : kStands_s; }
 
     std::int64_t restTicks = 0, frozenTicks = 0, longestFrozen = 0;
     double arrival_s = 0.0;  ///< the last time at which it was away from the target
@@ -558,7 +559,7 @@ bool checkRests(const Options& options, const char* property, Law law) {
             }
             arm = std::make_unique<FreezingCase>(*robot, random, scene, map.path, law);
         }
-        for (int tick = 0; tick * kTick_s < kStands_s; ++tick) {
+        for (int tick = 0; tick * kTick_s < arm->stands_s(); ++tick) {
             const double missing = arm->step(tick);
             run.addSteps(robot->description.size());
             if (missing > 0.0) run.fail("nearer than the safety distance", missing);
@@ -567,7 +568,7 @@ bool checkRests(const Options& options, const char* property, Law law) {
         ++runs;
         const char* const name = kSceneNames[static_cast<std::size_t>(scene)];
         const double moved = arm->countMoved();
-        const bool hasArrived = arm->arrival_s < kStands_s - kRested_s;
+        const bool hasArrived = arm->arrival_s < arm->stands_s() - kRested_s;
         arrived += hasArrived;
         if (hasArrived) arrivals.add(arm->arrival_s);
         if (moved > 1.0) {

@@ -65,7 +65,8 @@ void ToolFollower::updateLimits(const JointLimits& limits) {
             if (std::isfinite(v)) stop_s = std::max(stop_s, calcStationaryStop(v, 0.0, limits.axis(i)).duration());
         if (stop_s > 0.0) together_[i] = longest_s / stop_s;
     }
-    tremble_.configure(std::isfinite(longest_s) ? 4 + std::llround(4.0 * longest_s / tick_s_) : 4000);
+    stopTicks_ = std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s_) : 1000;
+    tremble_.configure(4 * stopTicks_);
     const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
     shrink_ = isBounded ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;
     grow_ = isBounded ? std::exp(tick_s_ / longest_s) : 1.0;
@@ -89,6 +90,7 @@ void ToolFollower::reset(const MotionState& start) {
     target_ = {start.q, zero, zero};
     velocity_.reset(start.q);
     tremble_.reset(start.q);
+    stoodTicks_ = 0;
     leadShare_ = 1.0;
 }
 
@@ -104,10 +106,11 @@ void ToolFollower::skipTicks(std::int64_t ticks) {
     velocity_.forget();
 }
 
-void ToolFollower::findAround(const MotionState& state, bool isTool) {
+void ToolFollower::findAround(const MotionState& state, bool isTool, bool stands) {
     for (int i = 0; i < state.q.size(); ++i) {
         const double stop = state.q[i] + calcWay(state.qd[i], state.qdd[i], stopLimits_.axis(i));
-        const double share = isTool ? 1.0 + leadShare_ * (together_[i] - 1.0) : leadShare_;
+        const double pace = isTool ? 1.0 + leadShare_ * (together_[i] - 1.0) : 1.0;
+        const double share = stands ? leadShare_ * pace : pace;
         const auto scale = [&](double lead, double v) {
             const double least = kLeadTicks * tick_s_ * v;
             return share != 1.0 && std::isfinite(v) ? least + share * (lead - least) : lead;
@@ -149,15 +152,17 @@ void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surrou
                         JointVector& jerk) {
     constexpr bool isTool = std::is_same_v<Goal, Pose>;
     leadShare_ = std::clamp(leadShare_ * (servo_.isLed() ? shrink_ : grow_), kLeastLead, 1.0);
-    findAround(state, isTool);
+    const bool stands = !isTool || stoodTicks_ >= stopTicks_;
+    findAround(state, isTool, stands);
     const JointVector& q = reference_.q();
-    if (!isTool && (q.array() < around_.lower.array() || q.array() > around_.upper.array()).any())
+    if (stands && servo_.isLed() && (q.array() < around_.lower.array() || q.array() > around_.upper.array()).any())
         reference_.moveTo(stop_);
     reference_.advance(goal, surroundings, time_s, &around_);
-    if (reference_.hasNewGoal()) tremble_.reset(state.q);
+    stoodTicks_ = reference_.hasNewGoal() ? 0 : stoodTicks_ + 1;
+    if (stoodTicks_ == 0) tremble_.reset(state.q);
     if (reference_.isHeldBack()) {
         reference_.leapTo(stop_, goal);
-        if (!isTool && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);
+        if (stands && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);
         velocity_.forget();  // it may stop at any moment: be able to stop with it
     }
     target_.q = reference_.q();

@@ -88,7 +88,7 @@ private:
               JointVector& jerk);
     void updateLimits(const JointLimits& limits);
     JointVector findRest(const JointLimits& limits) const;
-    void findAround(const MotionState& state, bool isTool);
+    void findAround(const MotionState& state, bool isTool, bool stands);
     /** Brings the targets of joints that are faster than the slowest one so near that all arrive with it. */
     void keepPace(const MotionState& state);
 
@@ -104,6 +104,7 @@ private:
     TargetVelocity velocity_;  ///< velocity of the reference
     MotionState target_;
     Tremble tremble_;                                     ///< of the arm
+    std::int64_t stopTicks_ = 1000, stoodTicks_ = 0;      ///< of the longest stop, and since the command changed
     double leadShare_ = 1.0, shrink_ = 1.0, grow_ = 1.0;  ///< the latter two a tick
 };
 

@@ -309,14 +309,14 @@ void ToolReference::moveTo(const JointVector& q) {
 
 /** Resting; until a command, or a distance from what is near, is another. */
 bool ToolReference::isAtRest(const JointVector& goal) {
-    if (!clear_) return false;
     hasNewGoal_ = goal_.size() != goal.size() || goal != goal_;
+    goal_ = goal;
+    if (!clear_) return false;
     if (hasNewGoal_) tremble_.reset(q_);
     double near_m = 0.0;
     for (const ArmClearances::Item& item : *clear_->items) near_m += item.distance;
     if (rests_ && std::isnan(near_m_)) near_m_ = near_m;
     rests_ = rests_ && !hasNewGoal_ && std::abs(near_m - near_m_) <= kOtherwise_m;
-    goal_ = goal;
     return rests_;
 }
 

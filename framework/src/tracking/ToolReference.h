@@ -95,7 +95,7 @@ public:
     /** True if in the last tick a joint had its largest velocity or reached the end of `around`, or something barred
     the way. The command then jumped, is too fast, or cannot be reached. */
     bool isHeldBack() const { return isHeldBack_; }
-    /** In the last tick, of one with a geometry. */
+    /** In the last tick. */
     bool hasNewGoal() const { return hasNewGoal_; }
 
 private:

@@ -25,7 +25,7 @@ environment:
     pillar: {cylinder: {radius: 0.06, length: 1.6}, at: {xyz: [0.35, 0.45, 0.7]}}
 cases: {A: {}}
 )";
-constexpr int kTick_ms = 1, kBetweenMessages_ms = 16, kPress_ms = 100, kCarry_ms = 600, kWait_ms = 5000, kLook_ms = 500,
+constexpr int kTick_ms = 1, kBetweenMessages_ms = 16, kPress_ms = 100, kCarry_ms = 600, kWait_ms = 8000, kLook_ms = 500,
               kSecond_ms = 1000;
 constexpr int kEnd_ms = kPress_ms + kCarry_ms + kWait_ms;
 
