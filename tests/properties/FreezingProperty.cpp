@@ -37,8 +37,9 @@ constexpr int kPoses = 200;
 /** One run in so many may be frozen once, and so much of all time not. */
 constexpr std::int64_t kRunsPerFrozen = 500;
 constexpr double kLeastMoving = 0.985;
-/** A target stands so long, one of the tool longer, as spare joints go to their rest; within the end of it an arm that does not
-swing moves no joint by more than a count of its encoder, or by this where it has no figure [rad]. */
+/** A target stands so long, and is reached before the end of that, or is not. One of the tool stands longer, as spare joints
+go to their rest. Within the end an arm that does not swing moves no joint by more than a count of its encoder, or by this
+where it has no figure [rad]. */
 constexpr double kStands_s = 12.0, kToolStands_s = 30.0, kRested_s = 1.0, kCount_rad = 2.0 * kPi / (1 << 19);
 constexpr double kArrived_rad = 1e-3;
 /** Where an arm cannot start in so many tries another arm and scene are drawn: some never can. */
@@ -568,7 +569,7 @@ bool checkRests(const Options& options, const char* property, Law law) {
         ++runs;
         const char* const name = kSceneNames[static_cast<std::size_t>(scene)];
         const double moved = arm->countMoved();
-        const bool hasArrived = arm->arrival_s < arm->stands_s() - kRested_s;
+        const bool hasArrived = arm->arrival_s < kStands_s - kRested_s;
         arrived += hasArrived;
         if (hasArrived) arrivals.add(arm->arrival_s);
         if (moved > 1.0) {

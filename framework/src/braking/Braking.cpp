@@ -124,6 +124,10 @@ double calcLongestStop(const JointLimits& limits) {
     return longest_s;
 }
 
+std::int64_t calcLongestStopTicks(const JointLimits& limits, double tick_s) {
+    return 1 + std::llround(calcLongestStop(limits) / tick_s);
+}
+
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits) {
     return calcVelocityZeroingStop(v, a, limits, findSide(v, a, limits));
 }

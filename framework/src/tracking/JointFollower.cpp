@@ -23,8 +23,7 @@ void JointFollower::configure(const RobotDescription& robot, const JointLimits& 
         ToolFollowerOptions options;
         options.share = share;
         guide_.emplace().configure(robot, limits, tick_s, start, options, geometry);
-        const double longest_s = calcLongestStop(limits);
-        longest_ = std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s) : 1000;
+        longest_ = calcLongestStopTicks(limits, tick_s);
     }
     reset(start);
 }

@@ -65,7 +65,7 @@ void ToolFollower::updateLimits(const JointLimits& limits) {
             if (std::isfinite(v)) stop_s = std::max(stop_s, calcStationaryStop(v, 0.0, limits.axis(i)).duration());
         if (stop_s > 0.0) together_[i] = longest_s / stop_s;
     }
-    stopTicks_ = std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s_) : 1000;
+    stopTicks_ = calcLongestStopTicks(limits, tick_s_);
     tremble_.configure(4 * stopTicks_);
     const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
     shrink_ = isBounded ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;

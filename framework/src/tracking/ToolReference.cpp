@@ -182,7 +182,7 @@ void ToolReference::changeLimits(const JointLimits& limits, const JointVector& r
     rests_ = false;
     const double longest_s = calcLongestStop(limits);
     apartRate_ = longest_s > 0.0 ? 1.0 / longest_s : 1.0;
-    tremble_.configure(std::isfinite(longest_s) ? 1 + std::llround(longest_s / tick_s_) : 1000);
+    tremble_.configure(calcLongestStopTicks(limits, tick_s_));
 }
 
 void ToolReference::reset(const JointVector& q) {

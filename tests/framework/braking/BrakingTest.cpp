@@ -383,6 +383,7 @@ TEST(Braking, TheLongestStopWithoutAJerkLimitIsAtTheDecelerationLimit) {
     EXPECT_DOUBLE_EQ(calcLongestStop(limits), 2.0 / 0.1);
     limits.acceleration.upper.setConstant(2, 10.0);
     EXPECT_DOUBLE_EQ(calcLongestStop(limits), 3.0 / 0.5);
+    EXPECT_EQ(calcLongestStopTicks(limits, 1e-3), 6001);
     limits.jerk = {JointVector::Constant(2, -1e9), JointVector::Constant(2, 1e9)};
     EXPECT_NEAR(calcLongestStop(limits), 3.0 / 0.5, 1e-6);
 }

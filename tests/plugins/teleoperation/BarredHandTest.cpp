@@ -25,6 +25,7 @@ environment:
     pillar: {cylinder: {radius: 0.06, length: 1.6}, at: {xyz: [0.35, 0.45, 0.7]}}
 cases: {A: {}}
 )";
+/** It waits four times as long as spare joints take to come nearer to their rest by e (rest_rate). */
 constexpr int kTick_ms = 1, kBetweenMessages_ms = 16, kPress_ms = 100, kCarry_ms = 600, kWait_ms = 8000, kLook_ms = 500,
               kSecond_ms = 1000;
 constexpr int kEnd_ms = kPress_ms + kCarry_ms + kWait_ms;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "viable/core/JointLimits.h"
 
 namespace viable {
@@ -56,6 +58,8 @@ StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits);
 /** Longest time in which a joint stops from one of its velocity limits, at no acceleration [s]; 0: no such limit.
 Without a jerk limit it stops at its deceleration limit from the start; a joint without either stops at once. */
 double calcLongestStop(const JointLimits& limits);
+/** The same in ticks, and one more. */
+std::int64_t calcLongestStopTicks(const JointLimits& limits, double tick_s);
 
 /** The velocity-zeroing stop; arguments as for calcStationaryStop. The displacement is continuous between types on
 the same side, but JUMPS on sigma = 0 for a != 0. On one side of that curve the joint passes v = 0 with full
