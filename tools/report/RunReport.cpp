@@ -587,19 +587,6 @@ std::string getPlugin(const LogMetadata& metadata, const std::string& kind) {
     return names;
 }
 
-/** Whether an arm of a case of the summary broke a limit of the whole arm, the nominal or the real one, by its own
-fault: limits without excuses, and summaries of before, do not tell the difference. */
-bool hasBroken(const json& known) {
-    for (const LimitKind kind : listArmLimits())
-        for (const char* arm : {"nominal", "real"}) {
-            const json guilty = findFigure(known, kind, arm, &ArmLimitRecord::violatedTicks);
-            const auto broken =
-                guilty.is_number_integer() ? guilty.get<std::int64_t>() : countBroken(known, kind, arm).value_or(0);
-            if (broken > 0) return true;
-        }
-    return false;
-}
-
 /** What `viable verify` found out about a case, from CASE.verify.json beside its log. Only what is of the form that the
 page knows goes into it. Throws std::exception with the reason where the file is damaged or of something else. */
 class VerificationFile {
@@ -762,16 +749,14 @@ json describeCase(const OpenLog& log, const json& summary, BinaryBlock& block) {
     one["guarantees"] = false;
     const char* const noEnd = "the log has no end: the run was killed or is still running";
     one["verdict"] = reader.isComplete() ? "there is no summary of this case" : noEnd;
-    one["ok"] = one["kept"] = false;
+    one["grade"] = "doubtful";
     one["stop"] = nullptr;
     one["details"] = "";
     for (const json& known : summary.value("cases", json::array())) {
         if (known.value("name", "") != one["name"]) continue;
         one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
-        one["ok"] = known.value("limits_kept", false) && known.value("exit_code", 1) == 0 &&
-                    known.value("stop", "").empty() && !hasBroken(known) && reader.isComplete();
-        one["kept"] = one["ok"];
-        one["ok"] = one["ok"].get<bool>() && known.value("shortcomings", json::array()).empty();
+        const std::string grade = known.value("grade", "doubtful");  // older summaries have none
+        if (reader.isComplete() || grade != "good") one["grade"] = grade;
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
         const std::string sentence = known.value("sentence", "");  // older summaries have none
         one["sentence"] = (reader.isComplete() || sentence.empty() ? "" : std::string(noEnd) + "; ") + sentence;

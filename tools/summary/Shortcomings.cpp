@@ -18,8 +18,9 @@ constexpr double kSaturatedShare = 0.01;
 /** A robust loop that reverses its torque as often in the time at the limit is what drives the motor there [s]. */
 constexpr double kReversal_s = 0.025;
 /** A command is missed where the error is more than this share of how the command moves about its mean place: what stands
-still there has 1. One that rests for long enough is missed from the other share on. */
-constexpr double kMissedShare = 0.4, kMissedAtRest = 0.1;
+still there has 1. One that rests for long enough is missed from the next share on. What misses and is faster than the
+command by the last swings. */
+constexpr double kMissedShare = 0.4, kMissedAtRest = 0.1, kSwinging = 1.1;
 /** Nearer than this nothing misses: a tool [m], its orientation [rad], a joint [rad, m]. */
 constexpr double kLeastMiss_m = 0.01, kLeastTurnMiss = 0.05, kLeastJointMiss = 0.01;
 /** RMS jerk of joints that rest at a limit, as a share of the jerk limit, from which on they chatter. */
@@ -153,7 +154,7 @@ void tellMiss(const Following& f, const Miss& miss, const std::string& who, cons
               const std::string& asked, const char* otherwise, const std::string& hint,
               std::vector<std::string>& found) {
     const bool swings =
-        !miss.isAtRest && !isHeldOff(f) && f.targetSpeedRms() > 0.0 && f.speedRms() > f.targetSpeedRms();
+        !miss.isAtRest && !isHeldOff(f) && f.targetSpeedRms() > 0.0 && f.speedRms() > kSwinging * f.targetSpeedRms();
     found.push_back(who +
                     (swings          ? " swings about its command: "
                      : miss.isAtRest ? " is not at its command in the time that its limits need: "

@@ -12,7 +12,7 @@ constexpr double kLeastSwing = 0.005, kKeptShare = 0.7;
 constexpr int kHalfSwings = 6;
 /** A command jumps that moves by more in a tick than this many times what the joint can; or by this, where it has no limit
 [rad, m]. It rested before, for longer than from one sample of a stream to the next [s]. */
-constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.11;
+constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.55;
 /** An arm is held off by what is no farther away than this beyond the safety distance: references rest 2 mm before the filter's
 aim, which is 5 mm beyond it [m]. */
 constexpr double kHeldOff_m = 0.008;

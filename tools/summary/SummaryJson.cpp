@@ -55,6 +55,8 @@ json describe(const LiveTiming& live) {
 }
 
 json describe(const CaseResult& r) {
+    constexpr const char* kGrades[] = {"good", "doubtful", "broken", "failed"};  // by Gravity
+    const CaseSentence sentence = tellCase(r);
     json one = {{"name", r.name},
                 {"filter", r.filter},
                 {"robust_loop", r.robustLoop},
@@ -64,7 +66,8 @@ json describe(const CaseResult& r) {
                 {"holds_on_real", r.holdsOnReal},
                 {"interventions", describeInterventions(r.summary)},
                 {"controller", r.controller},
-                {"sentence", tellCase(r).text},
+                {"sentence", sentence.text},
+                {"grade", kGrades[static_cast<int>(sentence.gravity)]},
                 {"verdict", formatVerdict(r)},
                 {"shortcomings", findProblems(r)},
                 {"account", formatDetails(r)},

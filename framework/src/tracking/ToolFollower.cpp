@@ -162,7 +162,8 @@ void ToolFollower::lead(const MotionState& state, const Goal& goal, const Surrou
     if (stoodTicks_ == 0) tremble_.reset(state.q);
     if (reference_.isHeldBack()) {
         reference_.leapTo(stop_, goal);
-        if (stands && servo_.isLed() && tremble_.find(state.q)) reference_.rest(stop_);
+        if (stands && servo_.isLed() && tremble_.find(state.q) && (!isTool || reference_.isBarred()))
+            reference_.rest(stop_);
         velocity_.forget();  // it may stop at any moment: be able to stop with it
     }
     target_.q = reference_.q();

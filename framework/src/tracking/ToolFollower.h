@@ -46,7 +46,8 @@ more strictly the stronger it is. Otherwise the tool would pass its command, as 
 others. For this the lead of each joint is as long as if all stopped as slowly as the slowest. Joints with the same
 limits do not wait. What this adds to the lead goes while a filter leads the arm elsewhere.
 Rest: a command that stands for the longest stop, and joint positions at once, are led with a lead that shrinks while a
-filter leads the arm. A reference beyond it goes on from where the arm would stop. An arm that goes to and fro rests.
+filter leads the arm. A reference beyond it goes on from where the arm would stop. An arm that goes to and fro rests;
+under a tool command, only beside what bars its way.
 Leap: a reference may be held back and off by more than 1 mm. It then leaps to where the arm would stop, if that is
 nearer to the command by half. So a hand that lets go commands that place, and the arm does not first follow the
 reference. This is the law of the plugin tool_servo and of ArmBatch.

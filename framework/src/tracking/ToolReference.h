@@ -95,6 +95,8 @@ public:
     /** True if in the last tick a joint had its largest velocity or reached the end of `around`, or something barred
     the way. The command then jumped, is too fast, or cannot be reached. */
     bool isHeldBack() const { return isHeldBack_; }
+    /** Something barred the way in the last tick in which it did not rest. */
+    bool isBarred() const { return isBarred_; }
     /** In the last tick. */
     bool hasNewGoal() const { return hasNewGoal_; }
 

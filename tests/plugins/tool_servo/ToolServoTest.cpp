@@ -449,6 +449,26 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
             }
 }
 
+// Somebody shakes the arm in free space for many of its stops: once let go, it goes to the command that stands.
+TEST(ToolFollower, AnArmThatWasShakenGoesOn) {
+    for (const char* robot : {"panda", "indy7", "ur5e"}) {
+        TestArm arm(robot, 0.001);
+        const ArmGeometry geometry = loadArmGeometry(arm.robot);
+        const JointVector still = JointVector::Zero(arm.size());
+        const Pose command = arm.calcDynamics((arm.start.q.array() + 0.15).matrix(), still).tool;
+        ToolFollower follower;
+        follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, {}, &geometry);
+        MotionState state = arm.start;
+        JointVector jerk;
+        for (int k = 0; k < 20000; ++k) {
+            follower.calc(state, command, nullptr, k * arm.tick_s, jerk);
+            advanceArm(state, jerk, arm.tick_s);
+            if (k < 10000) state = {(arm.start.q.array() + 0.02 * std::sin(0.006 * k)).matrix(), still, still};
+        }
+        EXPECT_LT((arm.calcDynamics(state.q, still).tool.position - command.position).norm(), 1e-5) << robot;
+    }
+}
+
 // Each joint in turn with a tenth of the acceleration and jerk: the others would be there long before it.
 TEST(ToolFollower, AWeakJointDoesNotLeadTheToolPastACommandThatJumps) {
     std::mt19937 random(static_cast<std::mt19937::result_type>(getSeed(3)));

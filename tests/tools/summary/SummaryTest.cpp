@@ -356,7 +356,7 @@ TEST(Verdict, SetPointsAreJudgedOnceThereWasTimeToBeThere) {
 }
 
 TEST(Verdict, SamplesOfAStreamAreJudgedAsTheMotionThatTheyAre) {
-    for (const double rate_Hz : {10.0, 30.0, 200.0}) {
+    for (const double rate_Hz : {2.0, 5.0, 30.0, 200.0}) {
         const auto sampled = [=](double t) { return 0.5 * std::sin(std::floor(t * rate_Hz) / rate_Hz); };
         const auto follows = [&](double lag_s) {
             return follow([=](double t) { return 0.5 * std::sin(t - lag_s); }, sampled);
@@ -527,6 +527,7 @@ TEST(Summary, ACaseIsOneSentenceThatBeginsWithItsWorstAndATableOfHundredColumns)
     bad.result.stopMessage = "stopped at 1 s because a (b (c)) d";
     EXPECT_EQ(tellCase(bad.result).text.find("stopped at 1 s because a d; nominal arm: limits broken"), 0u);
     EXPECT_EQ(bad.json()["sentence"], tellCase(bad.result).text);
+    EXPECT_EQ(bad.json()["grade"], "failed");
     std::istringstream table(formatComparison({good.result, bad.result}));
     for (std::string line; std::getline(table, line);) EXPECT_LE(line.size(), 100u) << line;
     expectContains(table.str(), {" kept", " BROKEN", "500 mrad", "position 150.00 %",

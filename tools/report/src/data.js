@@ -31,7 +31,8 @@
  *     "limits": [str], the names of the bits of "active",
  *     "summary": { "columns": [str], "rows": [[str]], "note": str },
  *     "cases": [ {
- *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict", "sentence" (may be empty): str, "ok": bool, "kept": bool,
+ *         "name", "filter", "robust_loop", "plant", "guarantees": bool, "verdict", "sentence" (may be empty): str,
+ *         "grade": "good" | "doubtful" | "broken" | "failed", as on the terminal,
  *         "stop": null | { "time_s", "message" }, "details": str (monospace text),
  *         "rows": int, "tick_s": num, "t0": 0, "step_s": num, "buckets": int,
  *         "joints": [ { "series": {
@@ -142,11 +143,9 @@ export class Case {
     const where = `cases[${index}]`;
     this.#run = run;
     this.index = index;
-    for (const key of ['name', 'filter', 'robust_loop', 'plant', 'verdict', 'sentence', 'details'])
+    for (const key of ['name', 'filter', 'robust_loop', 'plant', 'verdict', 'sentence', 'grade', 'details'])
       this[key] = String(json[key] ?? '');
     this.guarantees = Boolean(json.guarantees);
-    this.ok = Boolean(json.ok); // the limits, and the job
-    this.kept = Boolean(json.kept ?? json.ok); // the limits
     this.stop = json.stop ?? null;
     this.rows = json.rows;
     this.tick = json.tick_s;

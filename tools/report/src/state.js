@@ -110,6 +110,6 @@ export const ALL_CASES = -1;
 
 /** The arm to look at first: of a case that kept its guarantee, if there is one. */
 function defaultReplayCase(run) {
-  const good = run.cases.find((c) => c.guarantees && c.ok && c.replay);
+  const good = run.cases.find((c) => c.guarantees && c.grade === 'good' && c.replay);
   return (good ?? run.cases.find((c) => c.replay) ?? run.cases[0]).index;
 }

@@ -23,7 +23,7 @@ function stopText({ time_s: time, message }) {
 }
 
 function verdict(c) {
-  const kind = c.ok ? 'ok' : c.guarantees && !c.kept ? 'bad' : 'warn';
+  const kind = { good: 'ok', doubtful: 'warn' }[c.grade] ?? 'bad';
   const guarantee = c.guarantees ? 'guarantees its limits' : 'guarantees nothing';
   const [worst, ...others] = pretty(c.sentence || c.verdict).split('; ');
   const parts = [c.filter, c.robust_loop, c.plant].filter(Boolean).join(' · ');
