@@ -12,7 +12,7 @@ constexpr double kLeastSwing = 0.005, kKeptShare = 0.7;
 constexpr int kHalfSwings = 6;
 /** A command jumps that moves by more in a tick than this many times what the joint can; or by this, where it has no limit
 [rad, m]. It rested before, for longer than from one sample of a stream to the next [s]. */
-constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.55;
+constexpr double kFastestSpeeds = 2.0, kJump = 0.05, kLongestPeriod_s = 0.11;
 /** An arm is held off by what is no farther away than this beyond the safety distance: references rest 2 mm before the filter's
 aim, which is 5 mm beyond it [m]. */
 constexpr double kHeldOff_m = 0.008;
@@ -72,13 +72,20 @@ void Summary::setSliding(std::vector<bool> slides) {
     slides_ = std::move(slides);
 }
 
+double Pace::stop(double from) const {
+    const double a = std::min(acceleration, std::sqrt(from * jerk));
+    const auto divide = [](double x, double y) { return std::isfinite(y) && y > 0.0 ? x / y : 0.0; };
+    return divide(from, a) + divide(a, jerk);
+}
+
 double Pace::duration(double way) const {
     if (!(way > 0.0)) return 0.0;
-    const bool hasSpeed = std::isfinite(speed);
-    const double a = std::min(acceleration, hasSpeed ? std::sqrt(speed * jerk) : std::cbrt(way * jerk * jerk));
-    const double v = hasSpeed ? speed : std::sqrt(way * a);
-    const auto divide = [](double x, double y) { return std::isfinite(y) && y > 0.0 ? x / y : 0.0; };
-    return divide(way, v) + 2.0 * (divide(v, a) + divide(a, jerk));
+    // A start to v and a stop take the way v (v / a + a / jerk), with the largest a that the way leaves time for.
+    const double most = std::min(acceleration, std::cbrt(way * jerk * jerk / 2.0));
+    const double rise = std::isfinite(jerk) ? most * most / jerk : 0.0;
+    const double v =
+        std::isfinite(most) ? std::min(speed, (std::sqrt(rise * rise + 4.0 * most * way) - rise) / 2.0) : speed;
+    return (std::isfinite(v) && v > 0.0 ? way / v : 0.0) + stop(v);
 }
 
 double Following::Judged::rms(double tick_s) const {
@@ -95,17 +102,19 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     }
     const double move = (target - lastTarget_).norm(), speed = pace.speed;
     const double most = (std::isfinite(speed) ? kFastestSpeeds * speed * tick_s : kJump) + kOutsideShare;
+    const double has = tick_s > 0.0 ? (at - lastAt_).norm() / tick_s : 0.0;
     patience_s_ -= tick_s;
     arrival_s_ -= tick_s;
-    const bool jumps = isFirst ? ticks_ == 0 && error > kJump : rested_s_ > kLongestPeriod_s && move > most;
+    const bool jumps =
+        isFirst ? ticks_ == 0 && error > kJump : (rested_s_ > kLongestPeriod_s || jumps_ + moves_ == 0) && move > most;
     if (jumps) {
         jump_ = std::max(jump_, error);
         if (jumps_++ == 0 && moves_ == 0) judged_ = atRest_ = {};  // nothing was asked for before
     } else if (move > 0.0) {
         ++moves_;
     }
-    if (isFirst || move > 0.0) arrival_s_ = pace.duration(error);
-    if (jumps || (isFirst && ticks_ > 0)) patience_s_ = arrival_s_ = pace.duration(error);
+    if (isFirst || move > 0.0) arrival_s_ = pace.patience(error, has);
+    if (jumps || (isFirst && ticks_ > 0)) patience_s_ = arrival_s_;
     const double period_s = rested_s_ > kLongestPeriod_s ? tick_s : rested_s_ + tick_s;  // of the samples
     rested_s_ = move > 0.0 ? 0.0 : rested_s_ + tick_s;
     if (tick_s > 0.0 && !isFirst) {

@@ -39,8 +39,12 @@ struct RealArmReference {
 /** What a joint or a tool can do: largest speed, acceleration and jerk. */
 struct Pace {
     double speed = kInfinity, acceleration = kInfinity, jerk = kInfinity;
-    /** Of a way, whatever the motion at its begin: the way at that speed, and twice the time of a start and a stop [s]. */
+    /** Of a way from rest to rest, about the least [s]. */
     double duration(double way) const;
+    /** From a speed to rest, or back [s]. */
+    double stop(double from) const;
+    /** What is left to a joint or a tool for a way: a quarter more than it needs, and its stop from the speed that it has [s]. */
+    double patience(double way, double from) const { return 1.25 * duration(way) + stop(from); }
 };
 
 /** How something followed its command: a joint's position in the first entry, the command moved into the position limits

@@ -460,6 +460,23 @@ std::string formatCommandError(const Summary& s, bool isReal) {
 /** What moves by less stands [rad, m]. */
 constexpr double kLeastAsked = 1e-3;
 
+/** What had set-points that were never near, and stood for less than its limits need; empty: nothing, or one joint of several
+tells. */
+std::string nameUnjudged(const Summary& s) {
+    constexpr double kNear = 0.01, kFollows = 0.4;  // [rad, m], of what is asked: a slow stream may be followed
+    const auto isJudged = [&](const Following& f) {
+        return f.errorRms() <= std::max(kNear, kFollows * f.asked()) || !std::isnan(f.judged().rms(s.tick_s()));
+    };
+    if (s.tool().ticks() > 0) return !s.tool().jumps() || isJudged(s.tool()) ? "" : "the tool";
+    std::string name;
+    for (int i = 0; i < s.size(); ++i) {
+        if (!s.following(i).jumps()) continue;
+        if (isJudged(s.following(i))) return "";
+        if (name.empty()) name = s.jointName(i);
+    }
+    return name;
+}
+
 /** "the arm was 31.9 mm 7.03 deg from its command, RMS (the real one ...), where the command itself moves by 120 mm": of one that follows. */
 std::string tellFollowing(const Summary& s) {
     const std::string error = formatCommandError(s, false), real = formatCommandError(s, true);
@@ -484,7 +501,7 @@ std::string tellFollowing(const Summary& s) {
         worst = i;
     }
     if (jumps) text += ", the ways to its set-points included";
-    if (worst < 0) return text + (jumps ? ": it never had the time that its limits need" : "");
+    if (worst < 0) return text;
     const Following& f = s.following(worst);
     const auto show = [&](double x) {
         return (x < 1e-6 ? "< 0.001" : formatPlain(1e3 * x)) + (s.slides(worst) ? " mm" : " mrad");
@@ -573,6 +590,10 @@ bool followsNominal(const std::vector<std::string>& problems) {
     });
 }
 
+bool isOfCommand(const std::string& problem) {
+    return problem.find(" its command") != std::string::npos;
+}
+
 }  // namespace
 
 std::string formatComparison(const std::vector<CaseResult>& results) {
@@ -644,10 +665,16 @@ CaseSentence tellCase(const CaseResult& r) {
     const std::vector<std::string> problems = findProblems(r);
     const bool follows = followsNominal(problems);
     for (const std::string& problem : problems) {
-        add(Gravity::Doubtful, dropParentheses(problem));
-        isTold |= problem.find(" its command") != std::string::npos;
+        add(followsNominal({problem}) ? Gravity::Doubtful : Gravity::Broken, dropParentheses(problem));
+        isTold |= isOfCommand(problem);
     }
-    if (!isTold) add(Gravity::Good, tellFollowing(s));
+    const std::string unjudged = isTold ? "" : nameUnjudged(s);
+    if (!isTold) add(unjudged.empty() ? Gravity::Good : Gravity::Doubtful, tellFollowing(s));
+    if (!unjudged.empty())
+        add(Gravity::Doubtful,
+            "whether " + unjudged + " follows cannot be told, as no set-point stood for the time that its limits need");
+    if (const std::size_t n = r.warnings.size(); n > 0)
+        add(Gravity::Doubtful, n == 1 ? "there is a warning" : format("there are %zu warnings", n));
     const bool isKept = !s.anyLimitBroken() && !s.endsOutside();
     add(isKept ? Gravity::Good : Gravity::Broken,
         isKept && s.recoveringTicks() == 0
@@ -672,7 +699,7 @@ CaseSentence tellCase(const CaseResult& r) {
             text += "stayed within " + formatThousandths(s, s.trackingMax()) + " of the nominal one " +
                     (passed.empty() ? "and " : "but ");
         add(passed.empty() ? Gravity::Good : Gravity::Doubtful,
-            text + (passed.empty() ? "kept its limits" : "exceeded limits: " + passed));
+            text + (passed.empty() ? "kept its position and velocity limits" : "exceeded limits: " + passed));
     }
     if (r.live)
         add(r.live->missed > 0 ? Gravity::Doubtful : Gravity::Good,
@@ -680,7 +707,7 @@ CaseSentence tellCase(const CaseResult& r) {
                    r.live->missed, r.live->ticks));
     constexpr std::size_t kMostNamed = 3;
     if (const std::size_t n = r.assumed.size(); n > 0)
-        add(Gravity::Good, format("%zu figure%s of the robot assumed", n, n == 1 ? " is" : "s are") +
+        add(Gravity::Good, format("%zu figure%s of the robot %s assumed", n, n == 1 ? "" : "s", n == 1 ? "is" : "are") +
                                (n > kMostNamed ? "" : ": " + dropParentheses(detail::join(r.assumed))));
     std::stable_sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
     CaseSentence sentence{parts.front().first, ""};
@@ -701,8 +728,10 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     const auto rank = [&](const CaseResult* r) {
         const Summary& s = r->summary;
         const double tool = s.realTool().errorRms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
-        return std::make_tuple(r->stopReason != StopReason::None, !followsNominal(findProblems(*r)),
-                               rankLimits(*r, ranking), s.ticksWith(FilterStatus::Infeasible),
+        const std::vector<std::string> problems = findProblems(*r);
+        return std::make_tuple(r->stopReason != StopReason::None, !followsNominal(problems), rankLimits(*r, ranking),
+                               s.ticksWith(FilterStatus::Infeasible),
+                               std::any_of(problems.begin(), problems.end(), isOfCommand),
                                rankError(!std::isnan(tool)     ? tool
                                          : !std::isnan(joints) ? joints
                                                                : getCommandError(s)));
@@ -714,7 +743,9 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     for (const CaseResult* r : order) addItem(text, r->name);
     return "best first (ran to its end, " +
            std::string(results.front().summary.hasRealPlant() ? "the real arm follows the nominal one, " : "") +
-           "the nominal arm's limits kept, an admissible choice in every tick, then nearest to the command): " + text;
+           "fewest ticks beyond the nominal arm's limits, fewest without an admissible choice, not told to "
+           "miss the command, then nearest to it): " +
+           text;
 }
 
 std::string formatRanking(const std::vector<CaseResult>& results) {

@@ -107,7 +107,7 @@ private:
     TargetVelocity velocity_;  ///< velocity of the reference
     MotionState target_;
     Tremble tremble_;                                     ///< of the arm
-    std::int64_t stopTicks_ = 1000, stoodTicks_ = 0;      ///< of the longest stop, and since the command changed
+    std::int64_t stopTicks_ = 0, stoodTicks_ = 0;         ///< of the longest stop, and since the command changed
     double leadShare_ = 1.0, shrink_ = 1.0, grow_ = 1.0;  ///< the latter two a tick
 };
 

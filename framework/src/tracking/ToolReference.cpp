@@ -33,6 +33,8 @@ constexpr double kBack = 0.1;
 /** It leaps to where the error is less than this share of its own, and not for one below that [m]: spare joints are then on
 their way. */
 constexpr double kLeap = 0.5, kLeapFrom_m = 1e-3;
+/** A tool command that is no farther from the one that stands is the same: a client's rounding [m, half a rad]. */
+constexpr double kSameCommand = 1e-9;
 /** A motion leads nowhere that comes less than this share of its way, and rests until the distances change by more [m]. */
 constexpr double kNowhere = 0.1, kOtherwise_m = 1e-6, kLeastWay = 1e-9;
 /** Joints that go one by one come so much nearer, less than kMargin_m leaves [m]: balls that cover the capsules are bumps on their
@@ -282,7 +284,7 @@ void ToolReference::advance(const JointVector& goal, const Surroundings* surroun
         findNear(surroundings, time_s, 0.0);
     }
     findBox(around);
-    if (isAtRest(goal)) {
+    if (isAtRest(goal, 0.0)) {
         goOneByOne();
         return;
     }
@@ -308,9 +310,9 @@ void ToolReference::moveTo(const JointVector& q) {
 }
 
 /** Resting; until a command, or a distance from what is near, is another. */
-bool ToolReference::isAtRest(const JointVector& goal) {
-    hasNewGoal_ = goal_.size() != goal.size() || goal != goal_;
-    goal_ = goal;
+bool ToolReference::isAtRest(const JointVector& goal, double same) {
+    hasNewGoal_ = goal_.size() != goal.size() || (goal - goal_).cwiseAbs().maxCoeff() > same;
+    if (hasNewGoal_) goal_ = goal;  // one that drifts is new again and again
     if (!clear_) return false;
     if (hasNewGoal_) tremble_.reset(q_);
     double near_m = 0.0;
@@ -346,8 +348,9 @@ void ToolReference::advance(const Pose& command, const Surroundings* surrounding
         findNear(surroundings, time_s, options_.apart_m);
         leadApart(std::min(kApartWeight + damping / std::max(size, 1e-9), kLargestApartWeight));
     }
-    lastGoal_ = (JointVector(7) << command.position, command.orientation.coeffs()).finished();
-    if (isAtRest(lastGoal_)) return;
+    Eigen::Vector4d turn = command.orientation.coeffs();
+    if (goal_.size() == 7 && turn.dot(goal_.tail<4>()) < 0.0) turn = -turn;  // the same orientation
+    if (isAtRest((JointVector(7) << command.position, turn).finished(), kSameCommand)) return;
     findBox(around);
     applyStep();
     const bool isAtEnd =

@@ -109,7 +109,7 @@ private:
     void findBox(const JointBounds* around);
     void applyStep();
     void goOneByOne();
-    bool isAtRest(const JointVector& goal);
+    bool isAtRest(const JointVector& goal, double same);
 
     int n_ = 0;
     bool isHeldBack_ = false, isBarred_ = false, hasNewGoal_ = false;
@@ -120,8 +120,8 @@ private:
     Dynamics dynamics_;
     std::unique_ptr<Clear> clear_;  ///< null: no geometry
     Tremble tremble_;
-    JointVector goal_, lastGoal_;  ///< commands, as numbers
-    double near_m_ = 0.0;          ///< of all that is near, where it rests
+    JointVector goal_;     ///< the last command, as numbers
+    double near_m_ = 0.0;  ///< of all that is near, where it rests
     bool rests_ = false;
     double apartRate_ = 0.0;  ///< [1/s]
     BoxQp qp_;

@@ -449,24 +449,45 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
             }
 }
 
-// Somebody shakes the arm in free space for many of its stops: once let go, it goes to the command that stands.
-TEST(ToolFollower, AnArmThatWasShakenGoesOn) {
-    for (const char* robot : {"panda", "indy7", "ur5e"}) {
-        TestArm arm(robot, 0.001);
-        const ArmGeometry geometry = loadArmGeometry(arm.robot);
-        const JointVector still = JointVector::Zero(arm.size());
-        const Pose command = arm.calcDynamics((arm.start.q.array() + 0.15).matrix(), still).tool;
-        ToolFollower follower;
-        follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, {}, &geometry);
-        MotionState state = arm.start;
-        JointVector jerk;
-        for (int k = 0; k < 20000; ++k) {
-            follower.calc(state, command, nullptr, k * arm.tick_s, jerk);
-            advanceArm(state, jerk, arm.tick_s);
-            if (k < 10000) state = {(arm.start.q.array() + 0.02 * std::sin(0.006 * k)).matrix(), still, still};
+// Somebody shakes the arm for many of its stops, in free space or near a ball that is beside the way: once let go, it goes to
+// the command that stands. The same where the arm rested before the ball, and was carried back.
+TEST(ToolFollower, AnArmThatWasShakenOrCarriedOffGoesOn) {
+    for (const char* robot : {"panda", "indy7", "ur5e"})
+        for (const double ball_m : {0.0, 0.06, 0.12}) {
+            const bool isCarried = ball_m > 0.1;
+            TestArm arm(robot, 0.001);
+            const ArmGeometry geometry = loadArmGeometry(arm.robot);
+            const JointVector still = JointVector::Zero(arm.size());
+            Pose command = arm.calcDynamics(arm.start.q, still).tool;
+            Environment environment;
+            environment.safetyDistance_m = 0.02;
+            const double ahead_m = isCarried ? 0.35 : 0.25;
+            if (ball_m > 0.0)
+                environment.solids.push_back(
+                    test::makeBall(command.position + Eigen::Vector3d(0.0, ahead_m, 0.0), ball_m));
+            command.position.y() += isCarried ? 0.35 : 0.45;
+            if (ball_m == 0.0) command = arm.calcDynamics((arm.start.q.array() + 0.15).matrix(), still).tool;
+            const auto surroundings = makeSurroundings(environment, arm.robot, geometry, arm.limits);
+            ToolFollower follower;
+            follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, {}, &geometry);
+            MotionState state = arm.start;
+            JointVector jerk, at;
+            double off_m = 0.0;
+            for (int k = 0; k < 30000; ++k) {
+                follower.calc(state, command, surroundings.get(), k * arm.tick_s, jerk);
+                advanceArm(state, jerk, arm.tick_s);
+                if (k == (isCarried ? 9999 : 300)) at = state.q;
+                if (k == 9999) off_m = (arm.calcDynamics(at, still).tool.position - command.position).norm();
+                const double x = std::min(1.0, (k - 10000) / 3000.0);
+                if (isCarried && k >= 10000 && k < 14000)
+                    state = {at + x * x * x * (10.0 - 15.0 * x + 6.0 * x * x) * (arm.start.q - at), still, still};
+                else if (!isCarried && k > 300 && k < 10000)
+                    state = {(at.array() + 0.02 * std::sin(0.006 * (k - 300))).matrix(), still, still};
+            }
+            EXPECT_NEAR((arm.calcDynamics(state.q, still).tool.position - command.position).norm(),
+                        isCarried ? off_m : 0.0, isCarried ? 1e-3 : 1e-5)
+                << robot << ", ball " << ball_m;
         }
-        EXPECT_LT((arm.calcDynamics(state.q, still).tool.position - command.position).norm(), 1e-5) << robot;
-    }
 }
 
 // Each joint in turn with a tenth of the acceleration and jerk: the others would be there long before it.

@@ -374,7 +374,14 @@ TEST(RunReport, ARunWithoutASummaryOrEndIsShownAsFarAsItGoes) {
 
 TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
     const RunFolder run(kOneJoint);
+    json summary = json::parse(std::ifstream(run.path() / "summary.json"));
+    summary["cases"][0].erase("grade");  // as older ones
     EXPECT_EQ(run.report().data["cases"][0]["grade"], "good");
+    for (const bool isKept : {false, true}) {
+        summary["cases"][0]["limits_kept"] = isKept;
+        std::ofstream(run.path() / "summary.json") << summary;
+        EXPECT_EQ(run.report().data["cases"][0]["grade"], isKept ? "good" : "broken");
+    }
     const auto log = run.path() / "A.mcap";
     std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
     const json one = run.report().data["cases"][0];
