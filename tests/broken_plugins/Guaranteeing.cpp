@@ -110,8 +110,7 @@ private:
         } else if (options_.lie == "outside") {
             // Acceleration to zero, on for ten minutes, and to rest: nothing but positions are beyond.
             constexpr std::int64_t kRamp = 1000;
-            const double ramp_s = kRamp * tick_s_;
-            const double cruise = v + a * ramp_s / 2.0;
+            const double ramp_s = kRamp * tick_s_, cruise = v + a * ramp_s / 2.0;
             const double jerk = cruise / (ramp_s * ramp_s);
             stop.set({{{kRamp, -a / ramp_s}, {600 * kRamp, 0.0}, {kRamp, -jerk}, {kRamp, jerk}}});
         } else if (options_.lie == "stop_jerk") {

@@ -52,8 +52,7 @@ public:
     const JointVector* externalTorque() const override { return &external_; }
     TickStatus advance(const JointVector& torque, JointVector& applied) override {
         model_->calcDynamics(state_.q, state_.qd, dynamics_);
-        const JointVector load = torque + calcPush() - dynamics_.b;
-        const JointVector qdd = dynamics_.M.llt().solve(load);
+        const JointVector load = torque + calcPush() - dynamics_.b, qdd = dynamics_.M.llt().solve(load);
         state_.q += tick_s_ * state_.qd + 0.5 * tick_s_ * tick_s_ * qdd;
         state_.qd += tick_s_ * qdd;
         applied = torque;

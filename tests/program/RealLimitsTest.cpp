@@ -125,8 +125,7 @@ TEST(RealLimits, TwoHundredDrawsWithinTheSetKeepTheLimitsOfTheRealArm) {
         return *std::max_element(values.begin(), values.end());
     };
     const double position = findLargest("real.worst_use.position");
-    const double velocity = findLargest("real.worst_use.velocity");
-    const double share = findLargest("bound.share");
+    const double velocity = findLargest("real.worst_use.velocity"), share = findLargest("bound.share");
     std::printf("  real arm: position %.4f, velocity %.4f of the limits; %.3f of the bound\n", position, velocity,
                 share);
     EXPECT_LE(position, 1.0);

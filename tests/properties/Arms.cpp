@@ -86,8 +86,7 @@ DrawnLimits drawChange(Random& random, const DrawnLimits& before, double tick_s)
     l.velocityLower *= v, l.velocityUpper *= v;
     l.accelerationLower *= a, l.accelerationUpper *= a;
     l.jerkLower *= j, l.jerkUpper *= j;
-    const double range = l.positionUpper - l.positionLower;
-    const double most = random.chance(0.1) ? 3.0 : 0.3;
+    const double range = l.positionUpper - l.positionLower, most = random.chance(0.1) ? 3.0 : 0.3;
     const double one = l.positionLower + random.uniform(-most, most) * range,
                  other = l.positionUpper + random.uniform(-most, most) * range;
     l.positionLower = std::min(one, other);

@@ -29,8 +29,7 @@ void DisturbedArm::advance(const Acting& acting, double time_s) {
     JointVector b;
     arm_.calcInertia(middle, M_);
     arm_.calcTorque(middle, v_ + 0.5 * s * a_, JointVector::Zero(n_), b);
-    const JointVector net = acting.torque - b;
-    const JointVector momentum = M_.lazyProduct(v_);
+    const JointVector net = acting.torque - b, momentum = M_.lazyProduct(v_);
     JointVector first = v_, second;
     const JointVector pushed = momentum + kGamma * s * net;
     solve(acting, kGamma * s, pushed, first);
@@ -70,8 +69,7 @@ bool DisturbedArm::solveByModes(const Acting& acting, double c, const JointVecto
             A(i, i) = 1.0;
             y[i] = 0.0;
         }
-        const JointVector next = Eigen::LLT<JointMatrix>(A).solve(y);
-        const JointVector force = r - M_.lazyProduct(next);
+        const JointVector next = Eigen::LLT<JointMatrix>(A).solve(y), force = r - M_.lazyProduct(next);
         const double change = (next - x).cwiseAbs().maxCoeff(), size = next.cwiseAbs().maxCoeff();
         x = next;
         bool agrees = true;

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <iostream>
 #include <map>
 #include <random>
 #include <set>
@@ -150,9 +151,11 @@ public:
 };
 
 enum class Scene { Clutter, Plates, Slot, Cage, Balls, Map, Crowd, Gap, Door };
-constexpr std::array kScenes = {Scene::Clutter, Scene::Plates, Scene::Slot, Scene::Cage, Scene::Balls,
-                                Scene::Map,     Scene::Crowd,  Scene::Gap,  Scene::Door};
 constexpr std::array kSceneNames = {"clutter", "plates", "slot", "cage", "balls", "map", "crowd", "gap", "door"};
+
+Scene drawKind(Random& random) {
+    return static_cast<Scene>(random.integer(0, static_cast<int>(kSceneNames.size()) - 1));
+}
 
 Eigen::Matrix3d drawTurn(Random& random) {
     return Eigen::AngleAxisd(random.uniform(0.0, kPi), random.direction()).toRotationMatrix();
@@ -371,13 +374,11 @@ public:
         return moved;
     }
 
-    /** The frozen pose, and the joint that could have moved. */
-    std::string describe() const {
-        std::string text = "joint " + std::to_string(freeJoint_ + 1) + " could go to its goal from pose";
-        for (const double q : frozenPose_) text += " " + std::to_string(q);
-        text += ", goal";
-        for (const double q : frozenGoal_) text += " " + std::to_string(q);
-        return text;
+    /** Prints the frozen pose, and the joint that could have moved. */
+    void printFrozen(const char* run) const {
+        std::cout << run << ": frozen for " << static_cast<double>(frozenTicks) * kTick_s << " s: joint "
+                  << freeJoint_ + 1 << " could go to its goal from pose " << frozenPose_.transpose() << ", goal "
+                  << frozenGoal_.transpose() << "\n";
     }
 
 private:
@@ -486,19 +487,25 @@ private:
     bool isFrozen_ = false;
 };
 
+/** "  run 3, panda, slot" */
+std::string nameRun(const Run& run, const Robot& robot, Scene scene) {
+    return "  run " + std::to_string(run.arm()) + ", " + robot.description.name + ", " +
+           kSceneNames[static_cast<std::size_t>(scene)];
+}
+
 }  // namespace
 
 bool checkFreezing(const Options& options) {
     ReachingRobot robots[] = {ReachingRobot("indy7"), ReachingRobot("panda"), ReachingRobot("ur5e")};
     const MapFile map;
     Run run("freezing", options);
-    std::int64_t ticks = 0, rest = 0, frozen = 0, runs = 0, frozenRuns = 0, longest = 0;
+    long long ticks = 0, rest = 0, frozen = 0, runs = 0, frozenRuns = 0, longest = 0;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());
         ReachingRobot& robot = robots[random.integer(0, 2)];
-        const int scene = random.integer(0, static_cast<int>(kScenes.size()) - 1);
+        const Scene scene = drawKind(random);
         std::unique_ptr<FreezingCase> arm;
-        do arm = std::make_unique<FreezingCase>(robot, random, kScenes[static_cast<std::size_t>(scene)], map.path);
+        do arm = std::make_unique<FreezingCase>(robot, random, scene, map.path);
         while (!arm->begin());
         for (int tick = 0; tick < kTicks; ++tick) {
             const double missing = arm->step(tick);
@@ -514,27 +521,24 @@ bool checkFreezing(const Options& options) {
         ++runs;
         rest += arm->restTicks;
         frozen += arm->frozenTicks;
-        longest = std::max(longest, arm->longestFrozen);
+        longest = std::max<long long>(longest, arm->longestFrozen);
         if (arm->frozenTicks == 0) continue;
         ++frozenRuns;
-        std::printf("  run %lld, %s, %s: frozen for %.1f s: %s\n", static_cast<long long>(run.arm()),
-                    robot.description.name.c_str(), kSceneNames[static_cast<std::size_t>(scene)],
-                    static_cast<double>(arm->frozenTicks) * kTick_s, arm->describe().c_str());
+        arm->printFrozen(nameRun(run, robot, scene).c_str());
     }
     run.print();
+    const auto share = [&](long long of) { return static_cast<double>(of) / static_cast<double>(ticks); };
     std::printf(
         "  runs: %lld, frozen though a joint could go where it is asked: %lld, longest %.1f s\n"
         "  time frozen: %.3g %%, at rest for more than %.0f s away from the goal: %.3g %%\n",
-        static_cast<long long>(runs), static_cast<long long>(frozenRuns), static_cast<double>(longest) * kTick_s,
-        100.0 * static_cast<double>(frozen) / static_cast<double>(ticks), kFrozen_s,
-        100.0 * static_cast<double>(rest) / static_cast<double>(ticks));
-    const std::int64_t most = runs / kRunsPerFrozen;
+        runs, frozenRuns, static_cast<double>(longest) * kTick_s, 100.0 * share(frozen), kFrozen_s,
+        100.0 * share(rest));
+    const long long most = runs / kRunsPerFrozen;
     if (frozenRuns > most)
-        std::printf("TOO MANY: frozen in %lld runs, at most %lld of so many may be\n",
-                    static_cast<long long>(frozenRuns), static_cast<long long>(most));
-    if (ticks - frozen < kLeastMoving * static_cast<double>(ticks))
+        std::printf("TOO MANY: frozen in %lld runs, at most %lld of so many may be\n", frozenRuns, most);
+    if (share(frozen) > 1.0 - kLeastMoving)
         std::printf("TOO LONG: frozen, at most %.3g %% of the time may be\n", 100.0 * (1.0 - kLeastMoving));
-    return run.isGood() && frozenRuns <= most && ticks - frozen >= kLeastMoving * static_cast<double>(ticks);
+    return run.isGood() && frozenRuns <= most && share(frozen) <= 1.0 - kLeastMoving;
 }
 
 namespace {
@@ -543,7 +547,7 @@ bool checkRests(const Options& options, const char* property, Law law) {
     ReachingRobot robots[] = {ReachingRobot("indy7"), ReachingRobot("panda"), ReachingRobot("ur5e")};
     const MapFile map;
     Run run(property, options);
-    std::int64_t runs = 0, swings = 0, frozen = 0, arrived = 0;
+    long long runs = 0, swings = 0, frozen = 0, arrived = 0;
     Figures arrivals;
     while (run.nextArm()) {
         Random random(run.seed(), run.arm());
@@ -555,7 +559,7 @@ bool checkRests(const Options& options, const char* property, Law law) {
             if (tries % kTriesToStart == 0) {
                 const int which = random.integer(0, law == Law::Tool ? 3 : 2);
                 robot = which < 3 ? &robots[which] : &drawn.emplace(drawRobot(robots[1], random));
-                do scene = kScenes[static_cast<std::size_t>(random.integer(0, static_cast<int>(kScenes.size()) - 1))];
+                do scene = drawKind(random);
                 while (scene == Scene::Balls);  // those move
             }
             arm = std::make_unique<FreezingCase>(*robot, random, scene, map.path, law);
@@ -567,33 +571,28 @@ bool checkRests(const Options& options, const char* property, Law law) {
         }
         arm->end();
         ++runs;
-        const char* const name = kSceneNames[static_cast<std::size_t>(scene)];
+        const std::string name = nameRun(run, *robot, scene);
         const double moved = arm->countMoved();
         const bool hasArrived = arm->arrival_s < kStands_s - kRested_s;
         arrived += hasArrived;
         if (hasArrived) arrivals.add(arm->arrival_s);
         if (moved > 1.0) {
             ++swings;
-            std::printf("  run %lld, %s, %s: at the end moves by %.3g counts\n", static_cast<long long>(run.arm()),
-                        robot->description.name.c_str(), name, moved);
+            std::printf("%s: at the end moves by %.3g counts\n", name.c_str(), moved);
         }
         if (arm->frozenTicks > 0) {
             ++frozen;
-            std::printf("  run %lld, %s, %s: frozen for %.1f s: %s\n", static_cast<long long>(run.arm()),
-                        robot->description.name.c_str(), name, static_cast<double>(arm->frozenTicks) * kTick_s,
-                        arm->describe().c_str());
+            arm->printFrozen(name.c_str());
         }
     }
     run.print();
-    std::printf("  targets: %lld, reached: %lld, moves on: %lld, frozen: %lld\n", static_cast<long long>(runs),
-                static_cast<long long>(arrived), static_cast<long long>(swings), static_cast<long long>(frozen));
+    std::printf("  targets: %lld, reached: %lld, moves on: %lld, frozen: %lld\n", runs, arrived, swings, frozen);
     arrivals.print("arrival [s]");
-    const std::int64_t most = runs / kRunsPerRestless;
-    if (swings > most || frozen > runs / kRunsPerFrozen)
-        std::printf("TOO MANY: at most %lld of so many may move on, and %lld be frozen\n", static_cast<long long>(most),
-                    static_cast<long long>(runs / kRunsPerFrozen));
+    const long long most = runs / kRunsPerRestless, mostFrozen = runs / kRunsPerFrozen;
+    if (swings > most || frozen > mostFrozen)
+        std::printf("TOO MANY: at most %lld of so many may move on, and %lld be frozen\n", most, mostFrozen);
     run.expectShare("reached", arrived, runs, kLeastReached);
-    return run.isGood() && swings <= most && frozen <= runs / kRunsPerFrozen;
+    return run.isGood() && swings <= most && frozen <= mostFrozen;
 }
 
 }  // namespace

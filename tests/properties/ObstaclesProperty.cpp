@@ -137,8 +137,7 @@ private:
     Violation checkTorqueChange(const JointVector& torque) {
         Violation violation;
         for (int i = 0; i < lastTorque_.size(); ++i) {  // none before the first tick
-            const double change = std::abs(torque[i] - lastTorque_[i]);
-            const double most = options_.torqueRate[i] * kTick_s;
+            const double change = std::abs(torque[i] - lastTorque_[i]), most = options_.torqueRate[i] * kTick_s;
             if (change > most * (1.0 + kAllowedTorque) + 1e-7) violation = {"torque changes too fast", change - most};
         }
         lastTorque_ = torque;

@@ -62,8 +62,7 @@ private:
         if (!changes_) arm.startAnywhere(random);
         earlier_.assign(static_cast<std::size_t>(arm.n), {});
         begin();
-        int left = changes_ ? random.integer(50, 300) : kLongestWait;
-        int ticks = changes_ ? 4000 : calcWait();
+        int left = changes_ ? random.integer(50, 300) : kLongestWait, ticks = changes_ ? 4000 : calcWait();
         for (int k = 0; k < ticks; ++k) {
             if (changes_ && --left == 0) {
                 end();

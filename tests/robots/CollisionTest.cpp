@@ -44,8 +44,7 @@ double calcGap(const LinkCapsule& a, const LinkCapsule& b, const std::vector<Eig
     const auto place = [&](const LinkCapsule& c, const Eigen::Vector3d& p) -> Eigen::Vector3d {
         return c.carrier < 0 ? p : poses[static_cast<std::size_t>(c.carrier)] * p;
     };
-    const Eigen::Vector3d a0 = place(a, a.a), a1 = place(a, a.b);
-    const Eigen::Vector3d b0 = place(b, b.a), b1 = place(b, b.b);
+    const Eigen::Vector3d a0 = place(a, a.a), a1 = place(a, a.b), b0 = place(b, b.a), b1 = place(b, b.b);
     return findLeast([&](double s) {
                return findLeast([&](double t) { return (a0 + s * (a1 - a0) - b0 - t * (b1 - b0)).norm(); });
            }) -

@@ -15,8 +15,7 @@ struct Textbook {
     double m1 = 2.0, m2 = 1.0;          // [kg]
     double l1 = 0.5, l2 = 0.5;          // [m]
     double lc1 = l1 / 2, lc2 = l2 / 2;  // uniform rods
-    double I1 = m1 * l1 * l1 / 12.0, I2 = m2 * l2 * l2 / 12.0;
-    double height = 1.0, g = 9.81;
+    double I1 = m1 * l1 * l1 / 12.0, I2 = m2 * l2 * l2 / 12.0, height = 1.0, g = 9.81;
 
     void calc(const JointState& s, Dynamics& out) const {
         const double c1 = std::cos(s.q[0]), c2 = std::cos(s.q[1]), s2 = std::sin(s.q[1]);

@@ -98,8 +98,7 @@ TYPED_TEST(BrakingPolicy, DisplacementAgreesWithFineIntegrationOfItsRule) {
         const TypeParam stop = this->calc(start.v, start.a, l);
         const bool upper = stop.side == LimitSide::Upper;
         const double limit = upper ? l.accelerationLower : l.accelerationUpper;
-        const double back = upper ? l.jerkUpper : l.jerkLower;
-        const double sign = upper ? 1.0 : -1.0;
+        const double back = upper ? l.jerkUpper : l.jerkLower, sign = upper ? 1.0 : -1.0;
         const double h = stop.gradientV * 1e-6;
         AxisState s = start;
         double travelled = 0.0;
@@ -149,8 +148,7 @@ TYPED_TEST(BrakingPolicy, NothingAdmissibleStopsShorter) {
         const AxisLimits l = drawLimits(this->random_);
         AxisState s = drawState(this->random_, l);
         const TypeParam first = this->calc(s.v, s.a, l);
-        const double sign = first.side == LimitSide::Upper ? 1.0 : -1.0;
-        const double h = (first.T1 + first.T2) / 50.0;
+        const double sign = first.side == LimitSide::Upper ? 1.0 : -1.0, h = (first.T1 + first.T2) / 50.0;
         double stop = sign * first.displacement;
         for (int i = 0; i < 50; ++i) {
             // Bang-bang half of the time, so that sequences near the optimum are among them.
@@ -277,8 +275,7 @@ TEST(Fault15VelocityZeroingStop, WhereTheSideChangesEachSideKeepsItsOwnLimit) {
     std::mt19937_64 random(16);
     for (int k = 0; k < 20000; ++k) {
         const AxisLimits l = drawLimits(random);
-        const double a = drawUniform(random, l.accelerationLower, 0.0);
-        const double v = calcCurveVelocity(a, l);
+        const double a = drawUniform(random, l.accelerationLower, 0.0), v = calcCurveVelocity(a, l);
         const double Jd = -l.jerkLower, Ju = l.jerkUpper;
         // sigma < 0: +Ju to v = a = 0.
         const VelocityZeroingStop below = calcVelocityZeroingStop(v * (1.0 - 1e-15), a, l);

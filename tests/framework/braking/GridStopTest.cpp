@@ -24,8 +24,7 @@ TEST(GridStop, StopsOnTheGridWithinAccelerationAndJerkLimits) {
         ratios.push_back(plan.remainingTicks() / (bestTicks + 2.0));
         AxisState s{0, v, a};
         // Rounding of one part in 2^53 per tick, in acceleration and through it in velocity.
-        const double ticks = plan.remainingTicks();
-        const double A = std::max(-l.accelerationLower, l.accelerationUpper);
+        const double ticks = plan.remainingTicks(), A = std::max(-l.accelerationLower, l.accelerationUpper);
         const double rounding = 0x1p-52 * ticks * (std::abs(v) + A * (1.0 + ticks * dt));
         while (!plan.atRest()) {
             const double j = plan.popJerk();

@@ -123,8 +123,7 @@ double calcLeastTime(const AxisState& s, const AxisLimits& l) {
     if (calcVelocityPeak(x.v, x.a, l) <= l.velocityUpper) return low + calcStationaryStop(x.v, x.a, l).duration();
     const double V = l.velocityUpper;
     const StationaryStop to = calcStationaryStop(s.v - V, s.a, l), from = calcStationaryStop(V, 0.0, l);
-    const double toTime = to.duration();
-    const double left = -(s.p + to.displacement + V * toTime + from.displacement);
+    const double toTime = to.duration(), left = -(s.p + to.displacement + V * toTime + from.displacement);
     return toTime + left / V + from.duration();
 }
 

@@ -163,8 +163,7 @@ TEST(CapsuleMotion, WhatGoesOutAndComesBackIsSeen) {
     CapsuleMotion::Pose pose = motion.makePose();
     motion.calcPose(JointVector::Zero(1), pose);
     motion.setPath(extremes, pose);
-    const double farthest = 1e3 * v * v / (-2.0 * a);
-    const double h = -2.0 * v / a;
+    const double farthest = 1e3 * v * v / (-2.0 * a), h = -2.0 * v / a;
     const double reach = motion.calcChord(0, -1, pose, pose) + h * h / 4.0 * motion.calcBend(0, -1);
     EXPECT_GE(reach, 2.0 * farthest);
     EXPECT_LE(reach, 2.0 * farthest * 1.06);

@@ -179,8 +179,7 @@ TEST(ConfigReader, Fault01_UnreadableFile) {
 TEST(ConfigReader, Fault01_FileCutAtEveryByte) {
     const std::string whole = kExperiment;
     const auto original = listLeaves(parseConfig(whole, "f"));
-    int refused = 0;
-    int read = 0;
+    int refused = 0, read = 0;
     for (std::size_t size = 0; size < whole.size(); ++size) {
         SCOPED_TRACE("first " + std::to_string(size) + " bytes");
         std::vector<std::pair<std::string, std::string>> leaves;

@@ -44,8 +44,7 @@ TEST(RotationVector, AngularVelocityIsTheDerivativeOfTheRotation) {
     const double h = 1e-6;
     for (int trial = 0; trial < 100; ++trial)
         for (double angle : kAngles) {
-            const Eigen::Vector3d r = angle * drawDirection(random);
-            const Eigen::Vector3d rate = 2.0 * drawDirection(random);
+            const Eigen::Vector3d r = angle * drawDirection(random), rate = 2.0 * drawDirection(random);
             const Eigen::Vector3d difference =
                 calcRotationVector(calcRotation(r + h * rate) * calcRotation(r - h * rate).conjugate()) / (2.0 * h);
             EXPECT_LE((calcAngularVelocity(r, rate) - difference).norm(), 2e-9) << angle;

@@ -46,8 +46,7 @@ struct Arm {
 double findLeast(const std::function<double(double)>& f) {
     double low = 0.0, high = 1.0;
     for (int i = 0; i < 120; ++i) {
-        const double a = high - 0.6180339887498949 * (high - low);
-        const double b = low + 0.6180339887498949 * (high - low);
+        const double a = high - 0.6180339887498949 * (high - low), b = low + 0.6180339887498949 * (high - low);
         (f(a) < f(b) ? high : low) = f(a) < f(b) ? b : a;
     }
     return std::min({f(0.0), f(1.0), f(0.5 * (low + high))});

@@ -58,8 +58,7 @@ FieldError measure(const DistanceField& field, const std::vector<OccupancyMap::C
                 Eigen::Vector3d(cell.centre + cell.edge * corner + 0.05 * (draw() - Eigen::Vector3d::Constant(0.5)));
             if (((p - lower).array() < 0.0).any() || ((upper - p).array() < 0.0).any()) continue;
         }
-        const double truth = calcTrueDistance(cells, pose.inverse() * p);
-        const double found = field.calcDistance(p);
+        const double truth = calcTrueDistance(cells, pose.inverse() * p), found = field.calcDistance(p);
         ++counted;
         error.above = std::max(error.above, found - truth);
         error.below = std::max(error.below, std::min(truth, reach) - found);

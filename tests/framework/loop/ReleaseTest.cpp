@@ -35,8 +35,7 @@ public:
     RobustTraits traits() const override { return nric_.traits(); }
 
     Failure failure = Failure::Throws;
-    int failsAt = -1;
-    int calls = 0;
+    int failsAt = -1, calls = 0;
 
 private:
     Nric nric_;

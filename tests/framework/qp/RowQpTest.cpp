@@ -442,8 +442,7 @@ TEST(RowQp, RowsParallelButForRounding) {
                 const double size = row.cwiseAbs().dot(x.cwiseAbs() + p.target.cwiseAbs());
                 worst.rows = std::max(worst.rows, (p.rows.bound[j] - row.dot(x)) / size);
             }
-            const double reached = (p.M * (x - p.target)).norm();
-            const double known = (p.M * (inside - p.target)).norm();
+            const double reached = (p.M * (x - p.target)).norm(), known = (p.M * (inside - p.target)).norm();
             worst.error = std::max(worst.error, reached / known - 1.0);
         });
         ASSERT_FALSE(HasFatalFailure()) << "problem " << k;

@@ -29,8 +29,7 @@ TEST_P(RobotModelTest, SimbodysForwardDynamicsInvertsTheTorque) {
         const Dynamics d = calc(q, qd);
         JointMatrix links = d.M;
         links.diagonal() -= robot_.actuation.rotorInertia;
-        const JointVector tau = links * qdd + d.b;
-        const JointVector found = model_.calcLinkForwardDynamics(q, qd, tau);
+        const JointVector tau = links * qdd + d.b, found = model_.calcLinkForwardDynamics(q, qd, tau);
         // Relative to the sizes that the solution is made of: light joints amplify the rounding of
         // the torques of heavy ones.
         ASSERT_LE((found - qdd).norm(), 1e-9 * qdd.norm()) << sample;
@@ -166,8 +165,7 @@ TEST_P(RobotModelTest, EnergyIsKeptWhenNothingDrives) {
     };
     double largestKinetic = 0.0, largestDrift = 0.0;
     for (int step = 0; step < 10000; ++step) {
-        const JointVector k1 = accelerate(q, v);
-        const JointVector k2 = accelerate(q + h / 2 * v, v + h / 2 * k1);
+        const JointVector k1 = accelerate(q, v), k2 = accelerate(q + h / 2 * v, v + h / 2 * k1);
         const JointVector k3 = accelerate(q + h / 2 * v + h * h / 4 * k1, v + h / 2 * k2);
         const JointVector k4 = accelerate(q + h * v + h * h / 2 * k2, v + h * k3);
         q += h * v + h * h / 6 * (k1 + k2 + k3);

@@ -472,8 +472,7 @@ TEST(Fault13, InsideButUnviableStartsAreRefusedByDistance) {
     const std::string complaint = findConfigureComplaint(arm, "");
     expectContains(complaint, {"start of " + arm.robot.joints[1].name + " is not viable", "position_upper by "});
     // The way to v = 0 at jerk J from a = -11: an own evaluation; 3.2e-3 rad beyond the limit.
-    const double J = 12 * kPi, root = std::sqrt(11.0 * 11.0 - 2.0 * J * 0.3);
-    const double t = (11.0 - root) / J;
+    const double J = 12 * kPi, root = std::sqrt(11.0 * 11.0 - 2.0 * J * 0.3), t = (11.0 - root) / J;
     const double beyond = 0.3 * t - 11.0 * t * t / 2 + J * t * t * t / 6 - 1e-3;
     EXPECT_NEAR(beyond, 3.2e-3, 1e-4);
     const double named = std::strtod(complaint.c_str() + complaint.find("position_upper by ") + 18, nullptr);

@@ -44,8 +44,7 @@ TEST(ExponentialBarrier, RowsAreWhereTheBarrierConditionIsZero) {
         const double upper[] = {l.positionUpper, l.velocityUpper, l.accelerationUpper};
         for (std::size_t r = 0; r < ExponentialBarrierRows::kRows; ++r) {
             const LimitKind kind = ExponentialBarrierRows::kLimits[r];
-            const double size = 1e-7 * (1.0 + k * k * k);
-            const double j = rows.upper[r];
+            const double size = 1e-7 * (1.0 + k * k * k), j = rows.upper[r];
             ASSERT_NEAR(calcCondition(kind, s, j, upper[r], 1.0, k), 0.0, size + 1e-7 * std::abs(j));
             ASSERT_GT(calcCondition(kind, s, j - 1.0, upper[r], 1.0, k),
                       0.5);  // below is admissible

@@ -63,8 +63,7 @@ Recording recordSines(TestArm& arm, const std::string& text) {
         const Dynamics d = arm.calcDynamics(now.q, now.qd);
         JointVector qdd(6);
         for (int i = 0; i < 6; ++i) {
-            const double w = 1.0 + 0.3 * i;
-            const double wanted = arm.start.q[i] + 0.3 * (1.0 - std::cos(w * t));
+            const double w = 1.0 + 0.3 * i, wanted = arm.start.q[i] + 0.3 * (1.0 - std::cos(w * t));
             qdd[i] = 25.0 * (wanted - now.q[i]) + 10.0 * (0.3 * w * std::sin(w * t) - now.qd[i]);
         }
         JointVector torque;

@@ -220,8 +220,7 @@ TEST_F(NricTest, IntegralMayShrinkWhileSaturated) {
 
 TEST_F(NricTest, ResetForgetsTheIntegral) {
     configure("");
-    const JointVector e = constant(0.01), zero = constant(0.0);
-    const JointVector first = compute(e, zero, zero);
+    const JointVector e = constant(0.01), zero = constant(0.0), first = compute(e, zero, zero);
     for (int k = 0; k < 100; ++k) compute(e, zero, zero);
     EXPECT_NE(compute(e, zero, zero), first);
     loop_.reset(arm_.start);
@@ -414,8 +413,7 @@ TEST_F(NricTest, ScaledGainsAreThePapersOnTheHeavyJointsOfTheIndy7AndCarriedByTh
 
 TEST_F(NricTest, RefusesWhatIsNotFiniteOrOfTheWrongSizeAndStaysAsItWas) {
     configure("");
-    const JointVector zero = constant(0.0);
-    const JointVector e = constant(0.01);
+    const JointVector zero = constant(0.0), e = constant(0.01);
     compute(e, zero, zero);
     const JointState real{arm_.start.q + e, arm_.start.qd};
     JointVector torque = constant(7.0);

@@ -52,8 +52,7 @@ TEST(ArmHardware, RippleHasItsPeriodsPerTurnAndItsAmplitude) {
     TestArm arm("indy7");
     ArmHardware hardware;
     configure(hardware, arm, "torque_ripple_Nm: [1, 2, 0, 3, 0, 4], torque_ripple_per_turn: [0, 7, 0, 0, 0, 0]");
-    const JointVector amplitude = (JointVector(6) << 1, 2, 0, 3, 0, 4).finished();
-    const JointVector zero = JointVector::Zero(6);
+    const JointVector amplitude = (JointVector(6) << 1, 2, 0, 3, 0, 4).finished(), zero = JointVector::Zero(6);
     JointVector largest = zero;
     for (int k = 0; k < 20000; ++k) {
         const JointVector q = JointVector::Constant(6, 2.0 * kPi * k / 20000.0);
@@ -270,8 +269,7 @@ TEST(Backlash, Fault17ReversalCrossesTheGapBeforeTheLinkFollows) {
     const double start = plant.measured().q[0] - plant.actual().q[0];
     EXPECT_EQ(start, 0.0);  // the encoder is set by the link at the start
     for (int tick = 0; tick < 400; ++tick) {
-        const double link = plant.actual().qd[0];
-        const double lost = plant.measured().q[0] - plant.actual().q[0];
+        const double link = plant.actual().qd[0], lost = plant.measured().q[0] - plant.actual().q[0];
         plant.advance(one(tick < 200 ? 1.0 : -1.0));
         widest = std::max(widest, lost);
         narrowest = std::min(narrowest, lost);
@@ -280,8 +278,7 @@ TEST(Backlash, Fault17ReversalCrossesTheGapBeforeTheLinkFollows) {
     }
     // Lost motion: the whole gap, and what the spring gives: 1 Nm / K before; then the impact, in which the rotor comes
     // with v = sqrt(2 gap 1 Nm / J_r) and J_r I / (J_r + I) swings on K.
-    const double stiffness = 1e4, v = std::sqrt(2.0 * gap / 0.5);
-    const double impact = v * std::sqrt(0.5 / 1.5 / stiffness);
+    const double stiffness = 1e4, v = std::sqrt(2.0 * gap / 0.5), impact = v * std::sqrt(0.5 / 1.5 / stiffness);
     EXPECT_GE(widest - narrowest, gap + 0.7 * impact);  // damped
     EXPECT_LE(widest - narrowest, gap + impact + 1.0 / stiffness);
 }

@@ -47,12 +47,9 @@ JointState integrateLinks(TestArm& arm, JointState s, const JointVector& torque,
         return arm.model().calcLinkForwardDynamics(q, qd, torque);
     };
     for (int k = 0; k < std::lround(duration_s / h); ++k) {
-        const JointVector a1 = accelerate(s.q, s.qd);
-        const JointVector v2 = s.qd + h / 2 * a1;
-        const JointVector a2 = accelerate(s.q + h / 2 * s.qd, v2);
-        const JointVector v3 = s.qd + h / 2 * a2;
-        const JointVector a3 = accelerate(s.q + h / 2 * v2, v3);
-        const JointVector v4 = s.qd + h * a3;
+        const JointVector a1 = accelerate(s.q, s.qd), v2 = s.qd + h / 2 * a1;
+        const JointVector a2 = accelerate(s.q + h / 2 * s.qd, v2), v3 = s.qd + h / 2 * a2;
+        const JointVector a3 = accelerate(s.q + h / 2 * v2, v3), v4 = s.qd + h * a3;
         const JointVector a4 = accelerate(s.q + h * v3, v4);
         s.q += h / 6 * (s.qd + 2 * v2 + 2 * v3 + v4);
         s.qd += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
@@ -252,8 +249,7 @@ TEST(SimbodyPlant, FrictionOpposesTheMotionOfEachJoint) {
         const JointVector torque = d.gravity + makeRandomVector(6, 80.0, random);
         plant.advance(torque);
         const JointState& after = plant.actual();
-        const JointVector change = (after.qd - before.qd) / arm.tick_s;
-        const JointVector inertial = d.M * change;
+        const JointVector change = (after.qd - before.qd) / arm.tick_s, inertial = d.M * change;
         for (int i = 0; i < 6; ++i) {
             if (std::abs(after.qd[i]) < 1e-3) continue;
             ++seen;

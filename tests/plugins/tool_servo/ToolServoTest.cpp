@@ -452,41 +452,40 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
 // Somebody shakes the arm for many of its stops, in free space or near a ball that is beside the way: once let go, it goes to
 // the command that stands. The same where the arm rested before the ball, and was carried back.
 TEST(ToolFollower, AnArmThatWasShakenOrCarriedOffGoesOn) {
+    constexpr double kScenes[][3] = {
+        {9.0, 0.06, 0.25}, {0.25, 0.06, 0.45}, {0.35, 0.12, 0.35}};  // ball at, radius, hand at
     for (const char* robot : {"panda", "indy7", "ur5e"})
-        for (const double ball_m : {0.0, 0.06, 0.12}) {
-            const bool isCarried = ball_m > 0.1;
+        for (const auto& [ball_m, radius_m, hand_m] : kScenes) {
+            const bool isCarried = ball_m == hand_m;
             TestArm arm(robot, 0.001);
             const ArmGeometry geometry = loadArmGeometry(arm.robot);
             const JointVector still = JointVector::Zero(arm.size());
             Pose command = arm.calcDynamics(arm.start.q, still).tool;
             Environment environment;
             environment.safetyDistance_m = 0.02;
-            const double ahead_m = isCarried ? 0.35 : 0.25;
-            if (ball_m > 0.0)
-                environment.solids.push_back(
-                    test::makeBall(command.position + Eigen::Vector3d(0.0, ahead_m, 0.0), ball_m));
-            command.position.y() += isCarried ? 0.35 : 0.45;
-            if (ball_m == 0.0) command = arm.calcDynamics((arm.start.q.array() + 0.15).matrix(), still).tool;
+            environment.solids.push_back(
+                test::makeBall(command.position + ball_m * Eigen::Vector3d::UnitY(), radius_m));
+            command.position.y() += hand_m;
             const auto surroundings = makeSurroundings(environment, arm.robot, geometry, arm.limits);
             ToolFollower follower;
             follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, {}, &geometry);
             MotionState state = arm.start;
             JointVector jerk, at;
+            const auto findOff = [&] {
+                return (arm.calcDynamics(state.q, still).tool.position - command.position).norm();
+            };
             double off_m = 0.0;
             for (int k = 0; k < 30000; ++k) {
                 follower.calc(state, command, surroundings.get(), k * arm.tick_s, jerk);
                 advanceArm(state, jerk, arm.tick_s);
                 if (k == (isCarried ? 9999 : 300)) at = state.q;
-                if (k == 9999) off_m = (arm.calcDynamics(at, still).tool.position - command.position).norm();
-                const double x = std::min(1.0, (k - 10000) / 3000.0);
-                if (isCarried && k >= 10000 && k < 14000)
-                    state = {at + x * x * x * (10.0 - 15.0 * x + 6.0 * x * x) * (arm.start.q - at), still, still};
-                else if (!isCarried && k > 300 && k < 10000)
+                if (k == 9999 && isCarried) off_m = findOff();
+                const double x = std::min(1.0, (k - 10000) / 3000.0), way = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
+                if (isCarried && k >= 10000 && k < 14000) state = {at + way * (arm.start.q - at), still, still};
+                if (!isCarried && k > 300 && k < 10000)
                     state = {(at.array() + 0.02 * std::sin(0.006 * (k - 300))).matrix(), still, still};
             }
-            EXPECT_NEAR((arm.calcDynamics(state.q, still).tool.position - command.position).norm(),
-                        isCarried ? off_m : 0.0, isCarried ? 1e-3 : 1e-5)
-                << robot << ", ball " << ball_m;
+            EXPECT_NEAR(findOff(), off_m, isCarried ? 1e-3 : 1e-5) << robot << ", ball " << radius_m;
         }
 }
 

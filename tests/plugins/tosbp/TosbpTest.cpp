@@ -46,8 +46,7 @@ double drawLogarithmic(double low, double high, std::mt19937& random) {
 void drawLimits(JointLimits& limits, bool above, bool symmetric, std::mt19937& random) {
     const double A = drawLogarithmic(1.0, 30.0, random), J = drawLogarithmic(10.0, 1000.0, random);
     const double share = above ? drawLogarithmic(1.05, 4.0, random) : drawLogarithmic(0.1, 0.95, random);
-    const double V = share * A * A / J;
-    const double way = V * V / A + V * A / J;
+    const double V = share * A * A / J, way = V * V / A + V * A / J;
     const auto setBoth = [&](JointBounds& bounds, double size) {
         std::uniform_real_distribution<double> factor(0.5, 1.0);
         bounds.upper[0] = symmetric ? size : size * factor(random);

@@ -10,8 +10,7 @@ using Bench = LawBench<Tovzbp>;
 /** Where v = 0 on the way up under -J, then -A: Table II, types III and IV, by following the motion. */
 double calcStopPosition(double p, double v, double a, double A, double J) {
     // v + a t - J t^2 / 2 = 0, the later root; but not beyond the time when a = -A.
-    const double root = (a + std::sqrt(a * a + 2.0 * J * v)) / J;
-    const double cruise = (a + A) / J;
+    const double root = (a + std::sqrt(a * a + 2.0 * J * v)) / J, cruise = (a + A) / J;
     const double t = std::min(root, cruise);
     double end = p + v * t + a * t * t / 2.0 - J * t * t * t / 6.0;
     if (cruise < root) {
@@ -31,11 +30,9 @@ TEST(Tovzbp, PositionRowIsTheBarrierOfTheVelocityZeroingStop) {
     int compared = 0, cruising = 0, coasting = 0;
     for (int i = 0; i < 10000; ++i) {
         const double v = 0.05 + 5.0 * share(random), a = A * (1.9 * share(random) - 0.95);
-        const double h = 0.2 * share(random);
-        const double p = P - h - (calcStopPosition(0, v, a, A, J));
+        const double h = 0.2 * share(random), p = P - h - (calcStopPosition(0, v, a, A, J));
         const auto stop = [&](double v1, double a1) { return calcStopPosition(p, v1, a1, A, J); };
-        const double d = 1e-5;
-        const double dv = (stop(v + d, a) - stop(v - d, a)) / (2 * d);
+        const double d = 1e-5, dv = (stop(v + d, a) - stop(v - d, a)) / (2 * d);
         const double da = (stop(v, a + d) - stop(v, a - d)) / (2 * d);
         if (da < 1e-3) continue;
         const double expected = (k * h - v - dv * a) / da;

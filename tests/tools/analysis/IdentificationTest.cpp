@@ -59,8 +59,7 @@ struct Experiment {
             qd = qdd = JointVector::Zero(n);
             for (int i = 0; i < n; ++i)
                 for (int s = 0; s < kSines; ++s) {
-                    const double w = ratio[s] * speed[i] * (1.0 + 0.13 * i);
-                    const double a = amplitude[i] * share[s];
+                    const double w = ratio[s] * speed[i] * (1.0 + 0.13 * i), a = amplitude[i] * share[s];
                     const double angle = w * t + phases[static_cast<std::size_t>(i)][static_cast<std::size_t>(s)];
                     q[i] += a * std::sin(angle);
                     qd[i] += a * w * std::cos(angle);

@@ -256,8 +256,7 @@ TEST(Fault18, AJointBlockedThenReleasedGetsNoJumpWithTheDefaults) {
             double largest = 0.0, far = 0.0;
             for (const TickRecord& r : run.records) largest = std::max(largest, std::abs(r.motorTorque[1]));
             // The loop answers a released joint of inertia m by K_r T dt / m a tick, and K_r is below c m.
-            const double step = calcLargestStep(run.records, release);
-            const double share = step / pressing;
+            const double step = calcLargestStep(run.records, release), share = step / pressing;
             for (std::size_t k = 3000; k < 4000; ++k)
                 far = std::max(far, std::abs(run.records[k].robustTorque[1] - free.records[k].robustTorque[1]));
             std::printf(
