@@ -755,12 +755,11 @@ json describeCase(const OpenLog& log, const json& summary, BinaryBlock& block) {
     for (const json& known : summary.value("cases", json::array())) {
         if (known.value("name", "") != one["name"]) continue;
         one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
-        const bool isStopped = known.value("exit_code", 1) != 0 || !known.value("stop", "").empty();
-        const char* const guess = isStopped                                             ? "failed"
-                                  : !known.value("limits_kept", false)                  ? "broken"
-                                  : !known.value("shortcomings", json::array()).empty() ? "doubtful"
-                                                                                        : "good";
-        const std::string grade = known.value("grade", guess);  // older summaries have none
+        // Older summaries have none, and do not tell all that makes a case good.
+        const char* const least = known.value("exit_code", 1) != 0    ? "failed"
+                                  : known.value("limits_kept", false) ? "doubtful"
+                                                                      : "broken";
+        const std::string grade = known.value("grade", least);
         if (reader.isComplete() || grade != "good") one["grade"] = grade;
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
         const std::string sentence = known.value("sentence", "");  // older summaries have none

@@ -102,11 +102,12 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     }
     const double move = (target - lastTarget_).norm(), speed = pace.speed;
     const double most = (std::isfinite(speed) ? kFastestSpeeds * speed * tick_s : kJump) + kOutsideShare;
-    const double has = tick_s > 0.0 ? (at - lastAt_).norm() / tick_s : 0.0;
+    // At most its limit: of a turn the sign may have changed.
+    const double has = tick_s > 0.0 ? std::min((at - lastAt_).norm() / tick_s, pace.speed) : 0.0;
     patience_s_ -= tick_s;
     arrival_s_ -= tick_s;
-    const bool jumps =
-        isFirst ? ticks_ == 0 && error > kJump : (rested_s_ > kLongestPeriod_s || jumps_ + moves_ == 0) && move > most;
+    const bool jumps = isFirst ? ticks_ == 0 && error > kJump
+                               : (rested_s_ > kLongestPeriod_s || (moves_ == 0 && jumps_ <= 1)) && move > most;
     if (jumps) {
         jump_ = std::max(jump_, error);
         if (jumps_++ == 0 && moves_ == 0) judged_ = atRest_ = {};  // nothing was asked for before

@@ -43,8 +43,11 @@ struct Pace {
     double duration(double way) const;
     /** From a speed to rest, or back [s]. */
     double stop(double from) const;
-    /** What is left to a joint or a tool for a way: a quarter more than it needs, and its stop from the speed that it has [s]. */
-    double patience(double way, double from) const { return 1.25 * duration(way) + stop(from); }
+    /** What is left to a joint or a tool for a way: its stop from the speed that it has, perhaps away, and a quarter more than it
+    needs from there [s]. */
+    double patience(double way, double from) const {
+        return 1.25 * duration(way + 0.5 * from * stop(from)) + stop(from);
+    }
 };
 
 /** How something followed its command: a joint's position in the first entry, the command moved into the position limits
@@ -76,7 +79,7 @@ public:
     bool jumps() const { return jumps_ > 0 && jumps_ >= moves_; }
     /** What is asked for: the command's spread, of set-points also half the largest distance to one when it came. */
     double asked() const { return jumps() ? std::max(spread(), jump_ / 2.0) : spread(); }
-    /** The ticks that are judged: all but those of Pace::duration() after a jump, which no arm follows at once; and of a
+    /** The ticks that are judged: all but those of Pace::patience() after a jump, which no arm follows at once; and of a
     command that rests those after that time. */
     struct Judged {
         double squared = 0.0;

@@ -460,20 +460,20 @@ std::string formatCommandError(const Summary& s, bool isReal) {
 /** What moves by less stands [rad, m]. */
 constexpr double kLeastAsked = 1e-3;
 
-/** What had set-points that were never near, and stood for less than its limits need; empty: nothing, or one joint of several
-tells. */
+/** What was far from set-points that stood for less than its limits need, and farthest; empty: nothing. */
 std::string nameUnjudged(const Summary& s) {
     constexpr double kNear = 0.01, kFollows = 0.4;  // [rad, m], of what is asked: a slow stream may be followed
-    const auto isJudged = [&](const Following& f) {
-        return f.errorRms() <= std::max(kNear, kFollows * f.asked()) || !std::isnan(f.judged().rms(s.tick_s()));
-    };
-    if (s.tool().ticks() > 0) return !s.tool().jumps() || isJudged(s.tool()) ? "" : "the tool";
     std::string name;
-    for (int i = 0; i < s.size(); ++i) {
-        if (!s.following(i).jumps()) continue;
-        if (isJudged(s.following(i))) return "";
-        if (name.empty()) name = s.jointName(i);
-    }
+    double most = kFollows;
+    const auto look = [&](const Following& f, const std::string& who) {
+        const double share = f.errorRms() / f.asked();
+        if (!f.jumps() || !(share > most) || f.errorRms() <= kNear || !std::isnan(f.judged().rms(s.tick_s()))) return;
+        most = share;
+        name = who;
+    };
+    look(s.tool(), "the tool");
+    if (s.task().hasTurns) look(s.turn(), "the tool's orientation");
+    for (int i = 0; s.tool().ticks() == 0 && i < s.size(); ++i) look(s.following(i), s.jointName(i));
     return name;
 }
 

@@ -125,7 +125,8 @@ double calcLongestStop(const JointLimits& limits) {
 }
 
 std::int64_t calcLongestStopTicks(const JointLimits& limits, double tick_s) {
-    return 1 + std::llround(calcLongestStop(limits) / tick_s);
+    const double stop_s = calcLongestStop(limits);
+    return 1 + std::llround((stop_s > 0.0 ? stop_s : 1.0) / tick_s);
 }
 
 VelocityZeroingStop calcVelocityZeroingStop(double v, double a, const AxisLimits& limits) {

@@ -14,8 +14,6 @@ constexpr double kLeadTicks = 3.0;
 /** The rest of the lead of an arm that is led shrinks by e in this share of its longest stop, down to a
 least share; it grows by e in a whole one. */
 constexpr double kShrinking = 0.25, kLeastLead = 0.02;
-/** The longest stop of joints without limits of velocity. */
-constexpr std::int64_t kUnknownStopTicks = 1000;
 
 /** How far a joint goes until it has stopped [rad]. */
 double calcWay(double v, double a, const AxisLimits& limits) {
@@ -67,9 +65,9 @@ void ToolFollower::updateLimits(const JointLimits& limits) {
             if (std::isfinite(v)) stop_s = std::max(stop_s, calcStationaryStop(v, 0.0, limits.axis(i)).duration());
         if (stop_s > 0.0) together_[i] = longest_s / stop_s;
     }
-    const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
-    stopTicks_ = isBounded ? calcLongestStopTicks(limits, tick_s_) : kUnknownStopTicks;
+    stopTicks_ = calcLongestStopTicks(limits, tick_s_);
     tremble_.configure(4 * stopTicks_);
+    const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
     shrink_ = isBounded ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;
     grow_ = isBounded ? std::exp(tick_s_ / longest_s) : 1.0;
     around_ = lead_;

@@ -33,8 +33,8 @@ constexpr double kBack = 0.1;
 /** It leaps to where the error is less than this share of its own, and not for one below that [m]: spare joints are then on
 their way. */
 constexpr double kLeap = 0.5, kLeapFrom_m = 1e-3;
-/** A tool command that is no farther from the one that stands is the same: a client's rounding [m, half a rad]. */
-constexpr double kSameCommand = 1e-9;
+/** A tool command that is no farther from the one that stands is the same: a client's rounding, of float, too [m, half a rad]. */
+constexpr double kSameCommand = 1e-6;
 /** A motion leads nowhere that comes less than this share of its way, and rests until the distances change by more [m]. */
 constexpr double kNowhere = 0.1, kOtherwise_m = 1e-6, kLeastWay = 1e-9;
 /** Joints that go one by one come so much nearer, less than kMargin_m leaves [m]: balls that cover the capsules are bumps on their

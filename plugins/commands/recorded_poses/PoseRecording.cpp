@@ -179,8 +179,8 @@ std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::pat
                 throw badInput(
                     where, format("time stamp %.9f s is not later than %.9f s on line %d", v[0], lastStamp, lastNumber),
                     "Sort the recording and remove samples with the same stamp");
-            // Stamps are rounded.
-            if (const double step = now.time_s - last.time_s; step <= checks.maxGap_s * (1.0 + 1e-9)) {
+            const double rounding_s = 4.0 * std::numeric_limits<double>::epsilon() * std::abs(v[0]);  // of the stamps
+            if (const double step = now.time_s - last.time_s; step <= checks.maxGap_s + rounding_s) {
                 checkStep(last, lastNumber, now, where);
             } else {
                 gaps.push_back({lastNumber, number, step});

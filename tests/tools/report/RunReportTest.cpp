@@ -380,7 +380,7 @@ TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
     for (const bool isKept : {false, true}) {
         summary["cases"][0]["limits_kept"] = isKept;
         std::ofstream(run.path() / "summary.json") << summary;
-        EXPECT_EQ(run.report().data["cases"][0]["grade"], isKept ? "good" : "broken");
+        EXPECT_EQ(run.report().data["cases"][0]["grade"], isKept ? "doubtful" : "broken");
     }
     const auto log = run.path() / "A.mcap";
     std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);

@@ -378,6 +378,19 @@ TEST(Verdict, SamplesOfAStreamAreJudgedAsTheMotionThatTheyAre) {
     }
 }
 
+// It stops with 1 rad/s^2 first, and comes back as fast as it goes: more it cannot.
+TEST(Verdict, AnArmThatMovesAwayFromANewSetPointHasTheTimeToTurnRound) {
+    const double half_s = std::sqrt(0.55);
+    const auto go = [=](double t) {
+        const double rest = t - 2.0 - half_s;  // of the way back
+        if (t < 1.0) return t - 0.9;
+        if (t < 2.0 + half_s) return 0.6 - (t - 2.0) * (t - 2.0) / 2.0;
+        return 0.05 + std::pow(std::max(0.0, half_s - rest), 2) / 2.0;
+    };
+    const CaseResult r = follow(go, [](double t) { return t < 1.0 ? 0.9 : 0.05; });
+    EXPECT_TRUE(findProblems(r).empty()) << formatVerdict(r);
+}
+
 // As fast as the limits allow: no set-point is missed, at whatever time the first one comes.
 TEST(Verdict, AFirstStepIsASetPointWheneverItComes) {
     for (const double at_s : {0.02, 0.3, 0.7}) {
@@ -550,6 +563,7 @@ TEST(Summary, ACaseIsOneSentenceThatBeginsWithItsWorstAndATableOfHundredColumns)
     EXPECT_EQ(tellCase(bad.result).text.find("stopped at 1 s because a d; nominal arm: limits broken"), 0u);
     EXPECT_EQ(bad.json()["sentence"], tellCase(bad.result).text);
     EXPECT_EQ(bad.json()["grade"], "failed");
+    EXPECT_EQ(good.json()["grade"], "doubtful");  // nothing can be told of the set-point
     std::istringstream table(formatComparison({good.result, bad.result}));
     for (std::string line; std::getline(table, line);) EXPECT_LE(line.size(), 100u) << line;
     expectContains(table.str(), {" kept", " BROKEN", "500 mrad", "position 150.00 %",

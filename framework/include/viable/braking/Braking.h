@@ -58,7 +58,7 @@ StationaryStop calcStationaryStop(double v, double a, const AxisLimits& limits);
 /** Longest time in which a joint stops from one of its velocity limits, at no acceleration [s]; 0: no such limit.
 Without a jerk limit it stops at its deceleration limit from the start; a joint without either stops at once. */
 double calcLongestStop(const JointLimits& limits);
-/** The same in ticks, and one more. */
+/** The same in ticks, and one more; a second where it is 0. */
 std::int64_t calcLongestStopTicks(const JointLimits& limits, double tick_s);
 
 /** The velocity-zeroing stop; arguments as for calcStationaryStop. The displacement is continuous between types on
