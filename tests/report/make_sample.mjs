@@ -171,7 +171,7 @@ const USUAL_STYLE = {
   robust: true,
   boundedJerk: true,
   guarantees: true,
-  ok: true,
+  grade: 'good',
   verdict: 'all limits kept',
 };
 const STYLES = [
@@ -181,7 +181,7 @@ const STYLES = [
     filter: 'acceleration_viability',
     boundedJerk: false,
     guarantees: false,
-    ok: false,
+    grade: 'broken',
     verdict: 'jerk limit missed in 24259 joint-ticks',
   },
   {
@@ -189,12 +189,12 @@ const STYLES = [
     filter: 'tosbp',
     environment: true,
     guarantees: false,
-    ok: false,
+    grade: 'broken',
     verdict: '53 joint-ticks outside, 25 ticks empty',
   },
   { name: 'C3', verified: 'broken', environment: true, bound: true, touches: true },
   { name: 'C3_without_nric', robust: false },
-  { name: 'broken', filter: 'broken_plugin', ok: false, verdict: 'broke its guarantee at 0.6 of the run', stopAt: 0.6 },
+  { name: 'broken', filter: 'broken_plugin', grade: 'failed', verdict: 'broke its guarantee at 0.6 of the run', stopAt: 0.6 },
   { name: 'soft', filter: 'tosbp', guarantees: false },
   { name: 'slow', robust: false },
   {
@@ -202,7 +202,7 @@ const STYLES = [
     filter: 'none',
     boundedJerk: false,
     guarantees: false,
-    ok: false,
+    grade: 'broken',
     verdict: 'position limit missed',
   },
 ].map((style) => ({ ...USUAL_STYLE, ...style }));
@@ -316,7 +316,7 @@ function rotated(turn, vector) {
 
 function makeCase(index) {
   const style = { ...STYLES[index % STYLES.length], phase: index };
-  const { filter, guarantees, verdict, ok } = style;
+  const { filter, guarantees, verdict, grade } = style;
   const rows = Math.round(ROWS * (style.stopAt ?? 1));
   const perBucket = Math.max(1, Math.ceil(ROWS / MOST_BUCKETS));
   const buckets = Math.ceil(rows / perBucket);
@@ -402,7 +402,7 @@ function makeCase(index) {
     ...(nearest && { clearance: { environment: 0, links: LINKS, obstacles: OBSTACLES, distance: binary.add(distance.values) } }),
     ...(style.verified && { verification: makeVerification(judged) }),
     name: style.name + (index >= STYLES.length ? `_${index}` : ''),
-    ...{ filter, guarantees, verdict, ok },
+    ...{ filter, guarantees, verdict, grade },
     robust_loop: style.robust ? 'nric' : 'none',
     plant: 'simbody',
     sentence: index % 2 ? '' : `${style.name} in one sentence; ${style.verdict}.`,
