@@ -3,6 +3,7 @@
 #include <sys/ioctl.h>
 
 #include <nlohmann/json.hpp>
+#include <regex>
 #include <thread>
 
 #include "../tools/page/TlsClient.h"
@@ -106,7 +107,8 @@ TEST(Fault26, ALoadedMachineMissesTicksAndDecidesTheSame) {
     isDone = true;
     for (std::thread& thread : load) thread.join();
     ASSERT_EQ(o.code, 0) << o.out << o.err;
-    expectContains(o.out, {"largest use", "the nominal arm kept its joints' limits", " ticks missed", "--details"});
+    const std::string said = std::regex_replace(o.out, std::regex("\\s+"), " ");  // its lines may end anywhere
+    expectContains(said, {"largest use", "the nominal arm kept its joints' limits", " ticks missed", "--details"});
     EXPECT_EQ(o.out.find("  verdict "), std::string::npos) << o.out;
     std::printf("  missed ticks: %s\n", readLive(folder / "run")["missed"].dump().c_str());
     EXPECT_EQ(run({"run", (folder / "run" / "simulated.mcap").string(), "--again"}).code, 0);
