@@ -824,6 +824,7 @@ void PageServer::Impl::add(Viewer& viewer) {
 
 void PageServer::Impl::remove(Viewer& viewer) {
     if (viewers_.erase(&viewer) == 0) return;
+    if (operator_ == &viewer) releaseHand();  // before it counts as gone
     --server_.counts_.viewers;
     leave(viewer);
 }

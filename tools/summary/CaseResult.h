@@ -67,9 +67,18 @@ CaseSentence tellCase(const CaseResult& result);
 /** The cases in one line, best first, where they have one command and robot; else empty. */
 std::string formatOrder(const std::vector<CaseResult>& results);
 
-/** What is not as a user wants it though the limits may hold, each in one line with its remedy: a real arm that does not
-follow, motors at their limits, a tool or a joint that misses its command or swings about it, joints that chatter at a limit. */
-std::vector<std::string> findProblems(const CaseResult& result);
+/** What is not as a user wants it though the limits may hold, in one line with its remedy. */
+struct Problem {
+    enum class Kind : unsigned char { Other, DoesNotFollow, MissesCommand };  ///< the real arm; the nominal one
+    explicit Problem(std::string says, Kind of = Kind::Other) : text(std::move(says)), kind(of) {}
+    std::string text;
+    Kind kind;
+};
+/** A real arm that does not follow, motors at their limits, a tool or a joint that misses its command or swings about it,
+joints that chatter at a limit. */
+std::vector<Problem> findProblems(const CaseResult& result);
+/** What was far from set-points that stood for less than its limits need, and farthest; empty: nothing. */
+std::string nameUnjudged(const Summary& summary);
 
 /** What became of the limits and of the job, in one line. */
 std::string formatVerdict(const CaseResult& result);

@@ -41,32 +41,33 @@ std::string explainLoop(const CaseResult& r) {
            "something blocks or loads the arm";
 }
 
-void addFollowing(const CaseResult& r, std::vector<std::string>& found) {
+void addFollowing(const CaseResult& r, std::vector<Problem>& found) {
     const Summary& s = r.summary;
     if (r.margins && !r.margins->isStable)
-        found.push_back("the robust loop is unstable on this arm, as accepted");
+        found.emplace_back("the robust loop is unstable on this arm, as accepted");
     else if (r.margins && !(r.margins->gain >= kSmallGain && r.margins->phase_rad >= kSmallPhase_rad))
-        found.push_back(
+        found.emplace_back(
             "the robust loop is almost unstable: its margin is " + formatMargins(*r.margins) +
             " (6 dB and 35 degrees are enough: smaller gains, or nric's own where no tracking bound is asked for)");
     int worst = 0;
     for (int i = 1; i < s.size(); ++i)
         if (!(s.trackingRms(i) <= s.trackingRms(worst))) worst = i;
     if (s.trackingRms(worst) <= kFarRms || (s.waiting() && s.waiting()->ticks > 0)) return;
-    found.push_back(
+    found.emplace_back(
         format("the real arm does not follow the nominal one: %s is %.3g mrad (sliding: mm) from it, RMS (%s)",
-               s.jointName(worst), 1e3 * s.trackingRms(worst), explainLoop(r)));
+               s.jointName(worst), 1e3 * s.trackingRms(worst), explainLoop(r)),
+        Problem::Kind::DoesNotFollow);
 }
 
 /** What a bound that does not hold says: none of the disturbances that it is for can do that. */
-void addBound(const CaseResult& r, std::vector<std::string>& found) {
+void addBound(const CaseResult& r, std::vector<Problem>& found) {
     const Summary& s = r.summary;
     if (!s.reference().bound) return;
     constexpr double kRounding = 1e-9;
     for (const LimitKind kind : {LimitKind::Position, LimitKind::Velocity}) {
         const int worst = s.worstBoundJoint(kind);
         if (!(s.boundShare(kind, worst) > 1.0 + kRounding)) continue;
-        found.push_back(format(
+        found.emplace_back(format(
             "the real arm was beyond its tracking bound: the %s of %s by up to %.3g of it (what acts on the "
             "arm, or its sensors, are not within the disturbance_set, a motor was at its limit, or the nominal "
             "arm beyond its limits)",
@@ -88,7 +89,7 @@ std::string listMotors(const Summary& s, const Count& count, const Accept& accep
     return list;
 }
 
-void addMotors(const CaseResult& r, std::vector<std::string>& found) {
+void addMotors(const CaseResult& r, std::vector<Problem>& found) {
     const Summary& s = r.summary;
     if (r.margins && !r.margins->isStable) return;  // that is why
     const auto swings = [&](const MotorRecord& motor) {
@@ -101,16 +102,17 @@ void addMotors(const CaseResult& r, std::vector<std::string>& found) {
     const std::string assumed = r.assumedLimits.has(LimitKind::Torque) ? ", which are assumed" : "";
     const std::string late = listMotors(s, &MotorRecord::ticksRateLimited, [](const MotorRecord&) { return true; });
     if (!swinging.empty())
-        found.push_back("the robust loop swings and drives motors to their torque limits" + assumed + ": " + swinging +
-                        " of the ticks (smaller gains, or the true masses, inertias, rotors and delay: nric's gains "
-                        "follow from them where they are left out)");
+        found.emplace_back("the robust loop swings and drives motors to their torque limits" + assumed + ": " +
+                           swinging +
+                           " of the ticks (smaller gains, or the true masses, inertias, rotors and delay: nric's gains "
+                           "follow from them where they are left out)");
     if (!motors.empty())
-        found.push_back("motors are at their torque limits" + assumed + ": " + motors +
-                        " of the ticks (lower the limits of acceleration and jerk, or use whole_arm_braking with a "
-                        "torque_share below 1)");
+        found.emplace_back("motors are at their torque limits" + assumed + ": " + motors +
+                           " of the ticks (lower the limits of acceleration and jerk, or use whole_arm_braking with a "
+                           "torque_share below 1)");
     if (!late.empty())
-        found.push_back("motors change their torque as fast as they may: " + late +
-                        " of the ticks (lower the jerk limits, or use whole_arm_braking with a torque_rate_Nmps)");
+        found.emplace_back("motors change their torque as fast as they may: " + late +
+                           " of the ticks (lower the jerk limits, or use whole_arm_braking with a torque_rate_Nmps)");
 }
 
 /** What acted in at least this share of an error is its cause. */
@@ -151,19 +153,19 @@ Miss findMiss(const Following& f, double least, double tick_s) {
 }
 
 void tellMiss(const Following& f, const Miss& miss, const std::string& who, const std::string& error,
-              const std::string& asked, const char* otherwise, const std::string& hint,
-              std::vector<std::string>& found) {
+              const std::string& asked, const char* otherwise, const std::string& hint, std::vector<Problem>& found) {
     const bool swings =
         !miss.isAtRest && !isHeldOff(f) && f.targetSpeedRms() > 0.0 && f.speedRms() > kSwinging * f.targetSpeedRms();
-    found.push_back(who +
-                    (swings          ? " swings about its command: "
-                     : miss.isAtRest ? " is not at its command in the time that its limits need: "
-                                     : " misses its command: ") +
-                    error + " from it, RMS, where the command itself moves by " + asked + " (" +
-                    nameCause(f, swings, otherwise) + (isHeldOff(f) ? "" : hint) + ")");
+    found.emplace_back(who +
+                           (swings          ? " swings about its command: "
+                            : miss.isAtRest ? " is not at its command in the time that its limits need: "
+                                            : " misses its command: ") +
+                           error + " from it, RMS, where the command itself moves by " + asked + " (" +
+                           nameCause(f, swings, otherwise) + (isHeldOff(f) ? "" : hint) + ")",
+                       Problem::Kind::MissesCommand);
 }
 
-void addCommand(const CaseResult& r, std::vector<std::string>& found) {
+void addCommand(const CaseResult& r, std::vector<Problem>& found) {
     const Summary& s = r.summary;
     const Miss place = findMiss(s.tool(), kLeastMiss_m, s.tick_s());
     const Miss turn = findMiss(s.turn(), kLeastTurnMiss, s.tick_s());
@@ -184,7 +186,7 @@ std::string formatJointMove(const CaseResult& r, int joint, double size) {
 }
 
 /** The joint that swings most about a command at rest, and of the others the one that misses its command most. */
-void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
+void addJointCommand(const CaseResult& r, std::vector<Problem>& found) {
     const Summary& s = r.summary;
     int swinging = 0, missing = -1;
     Miss worst{1.0};
@@ -198,11 +200,11 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
     }
     const bool knows = r.controller == "joint_servo";
     if (const double swing = s.following(swinging).swing(); swing > 0.0)
-        found.push_back(s.jointName(swinging) + " swings about a command at rest, by " +
-                        formatJointMove(r, swinging, swing) +
-                        " to each side: the limits keep it going, not the command (" +
-                        (knows ? "" : "joint_servo, which knows them, comes to rest; else ") +
-                        "less stiffness, more damping, or higher limits of jerk and acceleration)");
+        found.emplace_back(s.jointName(swinging) + " swings about a command at rest, by " +
+                           formatJointMove(r, swinging, swing) +
+                           " to each side: the limits keep it going, not the command (" +
+                           (knows ? "" : "joint_servo, which knows them, comes to rest; else ") +
+                           "less stiffness, more damping, or higher limits of jerk and acceleration)");
     if (missing >= 0)
         tellMiss(s.following(missing), worst, s.jointName(missing), formatJointMove(r, missing, worst.error),
                  formatJointMove(r, missing, s.following(missing).asked()), "limits, obstacles or a slow controller",
@@ -210,11 +212,11 @@ void addJointCommand(const CaseResult& r, std::vector<std::string>& found) {
 }
 
 /** The joints may not press as hard as was asked. */
-void addWeakTouch(const CaseResult& r, std::vector<std::string>& found) {
+void addWeakTouch(const CaseResult& r, std::vector<Problem>& found) {
     const auto& w = r.summary.waiting();
     constexpr double kEnough = 0.9;
     if (!w || w->ticks == 0 || !(w->leastAsked < kEnough * w->force)) return;
-    found.push_back(
+    found.emplace_back(
         format("the tool pressed with less than the %.3g N asked for, down to %.3g N: the robust loop may add, or a "
                "motor give, no "
                "more at a joint there (`viable gains` tells how much; a smaller contact_force_N, or a pose with a "
@@ -222,9 +224,9 @@ void addWeakTouch(const CaseResult& r, std::vector<std::string>& found) {
                w->force, w->leastAsked));
 }
 
-void addChatter(const CaseResult& r, std::vector<std::string>& found) {
+void addChatter(const CaseResult& r, std::vector<Problem>& found) {
     if (r.summary.chatter() > kChatter)
-        found.push_back(
+        found.emplace_back(
             format("joints that their command presses against a position limit chatter: RMS jerk %.3g %% of the jerk "
                    "limit (a lower gain of the filter, or certified_braking)",
                    100.0 * r.summary.chatter()));
@@ -242,7 +244,7 @@ std::string nameNearest(const CaseResult& r) {
 }
 
 /** An arm that stood on its backup stop though it was asked to move. */
-void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
+void addStandstill(const CaseResult& r, std::vector<Problem>& found) {
     const StandstillRecord& s = r.summary.standstill();
     if (!(s.longest_s > 0.0)) return;
     const bool isClearance = s.limit == LimitKind::Clearance;
@@ -251,16 +253,32 @@ void addStandstill(const CaseResult& r, std::vector<std::string>& found) {
         : s.limit == LimitKind::Torque
             ? " (a larger torque_share or torque_rate_Nmps, or lower limits of acceleration and jerk)"
             : " (larger limits of that kind, or a command that keeps to them)";
-    found.push_back(format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was "
-                           "asked to move; what held it: %s",
-                           s.longest_s, s.begin_s, s.total_s, getName(s.limit, LimitSide::Neither)) +
-                    (isClearance ? nameNearest(r) : "") + remedy);
+    found.emplace_back(
+        format("the arm stood on its backup stop for %.1f s from %.3f s on, %.1f s in all, though it was "
+               "asked to move; what held it: %s",
+               s.longest_s, s.begin_s, s.total_s, getName(s.limit, LimitSide::Neither)) +
+        (isClearance ? nameNearest(r) : "") + remedy);
 }
 
 }  // namespace
 
-std::vector<std::string> findProblems(const CaseResult& r) {
-    std::vector<std::string> found;
+std::string nameUnjudged(const Summary& s) {
+    std::string name;
+    double most = 1.0;
+    const auto look = [&](const Following& f, double least, const std::string& who) {
+        const double size = f.errorRms() / std::max(kMissedShare * f.asked(), least);
+        if (!f.jumps() || !(size > most) || !std::isnan(f.judged().rms(s.tick_s()))) return;
+        most = size;
+        name = who;
+    };
+    look(s.tool(), kLeastMiss_m, "the tool");
+    if (s.task().hasTurns) look(s.turn(), kLeastTurnMiss, "the tool's orientation");
+    for (int i = 0; i < s.size(); ++i) look(s.following(i), kLeastJointMiss, s.jointName(i));
+    return name;
+}
+
+std::vector<Problem> findProblems(const CaseResult& r) {
+    std::vector<Problem> found;
     if (r.summary.ticks() == 0 || (r.stopReason != StopReason::None && r.stopReason != StopReason::Requested &&
                                    r.stopReason != StopReason::FilterEnded))
         return found;  // that says more

@@ -43,10 +43,11 @@ struct Pace {
     double duration(double way) const;
     /** From a speed to rest, or back [s]. */
     double stop(double from) const;
-    /** What is left to a joint or a tool for a way: its stop from the speed that it has, perhaps away, and a quarter more than it
-    needs from there [s]. */
+    /** What is left to a joint or a tool for a way: its stop from the speed that it has, perhaps away, and kAllowance times what
+    it needs from there [s]. */
+    static constexpr double kAllowance = 1.25;
     double patience(double way, double from) const {
-        return 1.25 * duration(way + 0.5 * from * stop(from)) + stop(from);
+        return kAllowance * duration(way + 0.5 * from * stop(from)) + stop(from);
     }
 };
 

@@ -57,6 +57,8 @@ json describe(const LiveTiming& live) {
 json describe(const CaseResult& r) {
     constexpr const char* kGrades[] = {"good", "doubtful", "broken", "failed"};  // by Gravity
     const CaseSentence sentence = tellCase(r);
+    json shortcomings = json::array();
+    for (const Problem& problem : findProblems(r)) shortcomings.push_back(problem.text);
     json one = {{"name", r.name},
                 {"filter", r.filter},
                 {"robust_loop", r.robustLoop},
@@ -69,7 +71,7 @@ json describe(const CaseResult& r) {
                 {"sentence", sentence.text},
                 {"grade", kGrades[static_cast<int>(sentence.gravity)]},
                 {"verdict", formatVerdict(r)},
-                {"shortcomings", findProblems(r)},
+                {"shortcomings", shortcomings},
                 {"account", formatDetails(r)},
                 {"warnings", r.warnings},
                 {"assumed", r.assumed},

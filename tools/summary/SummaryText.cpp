@@ -460,23 +460,6 @@ std::string formatCommandError(const Summary& s, bool isReal) {
 /** What moves by less stands [rad, m]. */
 constexpr double kLeastAsked = 1e-3;
 
-/** What was far from set-points that stood for less than its limits need, and farthest; empty: nothing. */
-std::string nameUnjudged(const Summary& s) {
-    constexpr double kNear = 0.01, kFollows = 0.4;  // [rad, m], of what is asked: a slow stream may be followed
-    std::string name;
-    double most = kFollows;
-    const auto look = [&](const Following& f, const std::string& who) {
-        const double share = f.errorRms() / f.asked();
-        if (!f.jumps() || !(share > most) || f.errorRms() <= kNear || !std::isnan(f.judged().rms(s.tick_s()))) return;
-        most = share;
-        name = who;
-    };
-    look(s.tool(), "the tool");
-    if (s.task().hasTurns) look(s.turn(), "the tool's orientation");
-    for (int i = 0; s.tool().ticks() == 0 && i < s.size(); ++i) look(s.following(i), s.jointName(i));
-    return name;
-}
-
 /** "the arm was 31.9 mm 7.03 deg from its command, RMS (the real one ...), where the command itself moves by 120 mm": of one that follows. */
 std::string tellFollowing(const Summary& s) {
     const std::string error = formatCommandError(s, false), real = formatCommandError(s, true);
@@ -584,14 +567,8 @@ auto rankError(double error) {
     return std::make_pair(std::isnan(error), std::isnan(error) ? 0.0 : error);
 }
 
-bool followsNominal(const std::vector<std::string>& problems) {
-    return std::none_of(problems.begin(), problems.end(), [](const std::string& problem) {
-        return problem.find("does not follow") != std::string::npos;
-    });
-}
-
-bool isOfCommand(const std::string& problem) {
-    return problem.find(" its command") != std::string::npos;
+bool has(const std::vector<Problem>& problems, Problem::Kind kind) {
+    return std::any_of(problems.begin(), problems.end(), [&](const Problem& problem) { return problem.kind == kind; });
 }
 
 }  // namespace
@@ -661,13 +638,12 @@ CaseSentence tellCase(const CaseResult& r) {
     if (r.stopMessage.empty() || r.exitCode() == static_cast<int>(ErrorKind::GuaranteeBroken))
         add(Gravity::Failed, end);
     if (!r.logError.empty()) add(Gravity::Failed, "the log was not written to its end");
-    bool isTold = false;
-    const std::vector<std::string> problems = findProblems(r);
-    const bool follows = followsNominal(problems);
-    for (const std::string& problem : problems) {
-        add(followsNominal({problem}) ? Gravity::Doubtful : Gravity::Broken, dropParentheses(problem));
-        isTold |= isOfCommand(problem);
-    }
+    const std::vector<Problem> problems = findProblems(r);
+    const bool follows = !has(problems, Problem::Kind::DoesNotFollow);
+    const bool isTold = has(problems, Problem::Kind::MissesCommand);
+    for (const Problem& problem : problems)
+        add(problem.kind == Problem::Kind::DoesNotFollow ? Gravity::Broken : Gravity::Doubtful,
+            dropParentheses(problem.text));
     const std::string unjudged = isTold ? "" : nameUnjudged(s);
     if (!isTold) add(unjudged.empty() ? Gravity::Good : Gravity::Doubtful, tellFollowing(s));
     if (!unjudged.empty())
@@ -728,10 +704,10 @@ std::string formatOrder(const std::vector<CaseResult>& results) {
     const auto rank = [&](const CaseResult* r) {
         const Summary& s = r->summary;
         const double tool = s.realTool().errorRms(), joints = s.hasRealPlant() ? s.realCommandErrorRms() : kNan;
-        const std::vector<std::string> problems = findProblems(*r);
-        return std::make_tuple(r->stopReason != StopReason::None, !followsNominal(problems), rankLimits(*r, ranking),
-                               s.ticksWith(FilterStatus::Infeasible),
-                               std::any_of(problems.begin(), problems.end(), isOfCommand),
+        const std::vector<Problem> problems = findProblems(*r);
+        return std::make_tuple(r->stopReason != StopReason::None, has(problems, Problem::Kind::DoesNotFollow),
+                               rankLimits(*r, ranking), s.ticksWith(FilterStatus::Infeasible),
+                               has(problems, Problem::Kind::MissesCommand),
                                rankError(!std::isnan(tool)     ? tool
                                          : !std::isnan(joints) ? joints
                                                                : getCommandError(s)));
@@ -825,7 +801,7 @@ std::string formatVerdict(const CaseResult& r) {
     for (const LimitKind kind : listArmLimits())
         if (const LimitRow& row = getLimitRow(kind); r.guarantees.has(kind) && !r.summary.account(kind) && !row.isSlow)
             text += "; " + row.guarantee + " guaranteed, but not judged";
-    for (const std::string& problem : findProblems(r)) text += "; " + problem;
+    for (const Problem& problem : findProblems(r)) text += "; " + problem.text;
     return text;
 }
 
