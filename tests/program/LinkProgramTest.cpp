@@ -55,6 +55,7 @@ TEST(LinkProgram, ARobotInAnotherProcessIsDrivenAsThePlainOne) {
     EXPECT_NEAR(measured, expected, 0.01 * expected);  // the same arm, torques, delay and readings
     std::printf("  real - nominal: %.3f mrad RMS over the link, %.3f mrad in one process\n", 1e3 * measured,
                 1e3 * expected);
+    robot.await("the host has gone");
     expectOutcome(robot.end(SIGINT), 0,
                   {"2 joints, tick 0.001 s", "a host has come\n", "the host has gone\n",
                    "hosts     " + std::to_string(runs) + "\n", " good", "held itself for want of commands 0 times"});

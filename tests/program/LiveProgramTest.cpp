@@ -34,9 +34,10 @@ std::vector<std::string> listChanges(const json& live) {
     return all;
 }
 
-void await(const Program& program, const std::string& words) {
+void await(const Program& program, const std::string& words, const std::string& after = "") {
     for (int k = 0; k < 3000; ++k) {
-        if (program.output().find(words) != std::string::npos) return;
+        const std::string text = program.output();
+        if (const auto from = text.find(after); from != text.npos && text.find(words, from) != text.npos) return;
         sleepFor(0.01);
     }
     FAIL() << "'" << words << "' was not said in 30 s:\n" << program.output();
@@ -139,7 +140,7 @@ TEST(Live, KeysStartHoldGoOnAndEnd) {
     await(program, "armed (key)");
     sleepFor(0.3);
     press('\n');
-    sleepFor(0.3);
+    await(program, "running (key)", "armed (key)");
     press('q');
     const Outcome o = program.wait();
     close(terminal);

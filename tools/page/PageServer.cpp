@@ -239,7 +239,8 @@ private:
     void add(Viewer& viewer);
     void remove(Viewer& viewer);
     void take(Viewer& viewer, bool isTakeOver);
-    void leave(const Viewer& viewer);
+    bool endLease(const Viewer& viewer);
+    void tellOfLeaving(bool operated);
     void endRecord();
     void tellPeople();
     void onText(Viewer& viewer, const std::string& word);
@@ -289,12 +290,12 @@ public:
     }
     ~Viewer() {
         owner_.sockets_.erase(this);
-        --owner_.server_.counts_.connections;
         try {
             owner_.remove(*this);
             if (!invitation_.text.empty()) owner_.restoreToken(std::move(invitation_), session_);
         } catch (const std::exception&) {  // no memory to tell the others
         }
+        --owner_.server_.counts_.connections;
     }
 
     int id = 0;
@@ -824,9 +825,9 @@ void PageServer::Impl::add(Viewer& viewer) {
 
 void PageServer::Impl::remove(Viewer& viewer) {
     if (viewers_.erase(&viewer) == 0) return;
-    if (operator_ == &viewer) releaseHand();  // before it counts as gone
+    const bool operated = endLease(viewer);  // before it counts as gone
     --server_.counts_.viewers;
-    leave(viewer);
+    tellOfLeaving(operated);
 }
 
 /** The newest message is what counts: the hand of an operator who is gone must not be that. */
@@ -843,15 +844,18 @@ void PageServer::Impl::take(Viewer& viewer, bool isTakeOver) {
     endRecord();
 }
 
+/** @return  it operated */
+bool PageServer::Impl::endLease(const Viewer& viewer) {
+    if (operator_ != &viewer) return false;
+    operator_ = nullptr;
+    releaseHand();
+    return true;
+}
+
 /** All are told, before the program may throw. */
-void PageServer::Impl::leave(const Viewer& viewer) {
-    const bool isOperator = operator_ == &viewer;
-    if (isOperator) {
-        operator_ = nullptr;
-        releaseHand();
-    }
+void PageServer::Impl::tellOfLeaving(bool operated) {
     tellPeople();
-    if (isOperator) endRecord();
+    if (operated) endRecord();
 }
 
 void PageServer::Impl::endRecord() {
@@ -869,7 +873,7 @@ void PageServer::Impl::onText(Viewer& viewer, const std::string& word) {
     if (word == "pause") return request_(PageWish::Pause);
     if (word == "stop") return request_(PageWish::Stop);
     if (word == "take" || word == "take over") return take(viewer, word != "take");
-    if (word == "leave") return leave(viewer);
+    if (word == "leave") return tellOfLeaving(endLease(viewer));
     const bool mayOperate = operator_ == &viewer || !hand_;
     if (word == "start" && mayOperate) return request_(PageWish::Start);
     if (word == "record" && mayOperate) {

@@ -755,18 +755,17 @@ json describeCase(const OpenLog& log, const json& summary, BinaryBlock& block) {
     for (const json& known : summary.value("cases", json::array())) {
         if (known.value("name", "") != one["name"]) continue;
         one["guarantees"] = known.value("guarantees_limits", known.value("promises_limits", false));
-        // Older summaries have none, and do not tell all that makes a case good.
-        const char* const least = known.value("exit_code", 1) != 0    ? "failed"
-                                  : known.value("limits_kept", false) ? "doubtful"
-                                                                      : "broken";
-        const std::string grade = known.value("grade", least);
+        const std::string stop = known.value("stop", "");
+        const bool isEnded = known.value("exit_code", 1) != 0 || stop.find(" ended the case: ") != std::string::npos;
+        // Older summaries have no grade, and do not tell all that makes a case worse.
+        const char* const atBest = isEnded ? "failed" : known.value("limits_kept", false) ? "doubtful" : "broken";
+        const std::string grade = known.value("grade", atBest);
         if (reader.isComplete() || grade != "good") one["grade"] = grade;
         one["verdict"] = (reader.isComplete() ? "" : std::string(noEnd) + "; ") + known.value("verdict", "");
         const std::string sentence = known.value("sentence", "");  // older summaries have none
         one["sentence"] = (reader.isComplete() || sentence.empty() ? "" : std::string(noEnd) + "; ") + sentence;
         one["details"] = known.value("account", "");
-        if (const std::string stop = known.value("stop", ""); !stop.empty())
-            one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
+        if (!stop.empty()) one["stop"] = {{"time_s", known.value("stop_time_s", 0.0)}, {"message", stop}};
     }
     addVerification(log.file, reader, one, block);
     return one;

@@ -102,8 +102,7 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     }
     const double move = (target - lastTarget_).norm(), speed = pace.speed;
     const double most = (std::isfinite(speed) ? kFastestSpeeds * speed * tick_s : kJump) + kOutsideShare;
-    // At most its limit: of a turn the sign may have changed.
-    const double has = tick_s > 0.0 ? std::min((at - lastAt_).norm() / tick_s, pace.speed) : 0.0;
+    const double has = tick_s > 0.0 ? (at - lastAt_).norm() / tick_s : 0.0;
     patience_s_ -= tick_s;
     arrival_s_ -= tick_s;
     const bool jumps = isFirst ? ticks_ == 0 && error > kJump
@@ -114,7 +113,8 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     } else if (move > 0.0) {
         ++moves_;
     }
-    if (isFirst || move > 0.0) arrival_s_ = pace.patience(error, has);
+    // Who never moved is at its place when a set-point returns there: that shows nothing.
+    if (isFirst || move > 0.0) arrival_s_ = pace.patience(std::max(error, move), has);
     if (jumps || (isFirst && ticks_ > 0)) patience_s_ = arrival_s_;
     const double period_s = rested_s_ > kLongestPeriod_s ? tick_s : rested_s_ + tick_s;  // of the samples
     rested_s_ = move > 0.0 ? 0.0 : rested_s_ + tick_s;
@@ -279,7 +279,7 @@ void Summary::addTool(const TickRecord& record) {
             return q.dot(near) < 0.0 ? -q : q;
         };
         const Following::Point target = twice(asked, turn.lastTarget());
-        turn.add(twice(tool, target), target, tool.orientation.angularDistance(asked.orientation),
+        turn.add(twice(tool, turn.lastAt()), target, tool.orientation.angularDistance(asked.orientation),
                  findPace(bounds_, 1.0), actingKinds_, tick_s_);
     };
     add(tool_, turn_, record.tool);

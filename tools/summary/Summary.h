@@ -52,7 +52,7 @@ struct Pace {
 };
 
 /** How something followed its command: a joint's position in the first entry, the command moved into the position limits
-[rad, m], a tool's position [m], or its orientation, as twice its quaternion of the same sign [rad]. */
+[rad, m], a tool's position [m], or its orientation, as twice its quaternion with the sign of the one before [rad]. */
 class Following {
 public:
     using Point = Eigen::Vector4d;
@@ -61,6 +61,7 @@ public:
 
     /** Ticks were left out: the way back from them counts as that of a jump. */
     void skip() { isFirst_ = true; }
+    const Point& lastAt() const { return lastAt_; }
     const Point& lastTarget() const { return lastTarget_; }
     std::int64_t ticks() const { return ticks_; }
     double errorRms() const { return calcRms(squaredError_, ticks_); }  ///< not a number without ticks

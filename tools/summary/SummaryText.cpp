@@ -648,7 +648,8 @@ CaseSentence tellCase(const CaseResult& r) {
     if (!isTold) add(unjudged.empty() ? Gravity::Good : Gravity::Doubtful, tellFollowing(s));
     if (!unjudged.empty())
         add(Gravity::Doubtful,
-            "whether " + unjudged + " follows cannot be told, as no set-point stood for the time that its limits need");
+            "whether " + unjudged +
+                " follows cannot be told, as its set-points stood for less than 0.5 s beyond what its limits need");
     if (const std::size_t n = r.warnings.size(); n > 0)
         add(Gravity::Doubtful, n == 1 ? "there is a warning" : format("there are %zu warnings", n));
     const bool isKept = !s.anyLimitBroken() && !s.endsOutside();

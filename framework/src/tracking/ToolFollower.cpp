@@ -67,9 +67,8 @@ void ToolFollower::updateLimits(const JointLimits& limits) {
     }
     stopTicks_ = calcLongestStopTicks(limits, tick_s_);
     tremble_.configure(4 * stopTicks_);
-    const bool isBounded = std::isfinite(longest_s) && longest_s > 0.0;
-    shrink_ = isBounded ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;
-    grow_ = isBounded ? std::exp(tick_s_ / longest_s) : 1.0;
+    shrink_ = longest_s > 0.0 ? std::exp(-tick_s_ / (kShrinking * longest_s)) : 1.0;
+    grow_ = longest_s > 0.0 ? std::exp(tick_s_ / longest_s) : 1.0;
     around_ = lead_;
     stop_.setZero(limits.size());
 }

@@ -180,7 +180,8 @@ std::vector<std::vector<TimedPose>> readPoseRecording(const std::filesystem::pat
                 throw badInput(
                     where, format("time stamp %.9f s is not later than %.9f s on line %d", v[0], lastStamp, lastNumber),
                     "Sort the recording and remove samples with the same stamp");
-            const double rounding_s = 4.0 * std::numeric_limits<double>::epsilon() * std::abs(v[0]);  // of the stamps
+            const double rounding_s =  // of the stamps
+                4.0 * std::numeric_limits<double>::epsilon() * std::max(std::abs(v[0]), std::abs(origin));
             if (const double step = now.time_s - last.time_s; step <= checks.maxGap_s + rounding_s) {
                 checkStep(last, lastNumber, now, where);
             } else {

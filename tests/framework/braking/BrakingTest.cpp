@@ -381,6 +381,7 @@ TEST(Braking, TheLongestStopWithoutAJerkLimitIsAtTheDecelerationLimit) {
     limits.acceleration.upper.setConstant(2, 10.0);
     EXPECT_DOUBLE_EQ(calcLongestStop(limits), 3.0 / 0.5);
     EXPECT_EQ(calcLongestStopTicks(limits, 1e-3), 6001);
+    EXPECT_EQ(calcLongestStopTicks(JointLimits::unlimited(2), 1e-3), 1001);
     limits.jerk = {JointVector::Constant(2, -1e9), JointVector::Constant(2, 1e9)};
     EXPECT_NEAR(calcLongestStop(limits), 3.0 / 0.5, 1e-6);
 }

@@ -47,38 +47,26 @@ HeldMotion calcMotion(const Arm& arm, const FilterDecision& decision, FilterStat
     return motion;
 }
 
-TEST(SafetyFilter, AHeldJerkGivesTheMeanAccelerationAndItsTorque) {
+TEST(SafetyFilter, AHeldJerkOrAccelerationGivesTheOtherAndItsTorque) {
     std::mt19937 random(1);
     for (int n = 1; n <= kMaxJoints; ++n) {
         const Arm arm = makeRandomArm(n, random);
-        const JointVector jerk = makeRandomVector(n, 40, random);
-        FilterDecision decision;
-        decision.holdJerk(jerk);
-        EXPECT_EQ(decision.held, HeldQuantity::Jerk);
-        const HeldMotion motion = calcMotion(arm, decision);
-        EXPECT_EQ(motion.jerk, jerk);
+        const JointVector jerk = makeRandomVector(n, 40, random), acceleration = makeRandomVector(n, 12, random);
+        FilterDecision first, second;
+        first.holdJerk(jerk);
+        second.holdAcceleration(acceleration);
+        EXPECT_EQ(first.held, HeldQuantity::Jerk);
+        EXPECT_EQ(second.held, HeldQuantity::Acceleration);
+        const HeldMotion mean = calcMotion(arm, first), led = calcMotion(arm, second);
+        EXPECT_EQ(mean.jerk, jerk);
+        EXPECT_EQ(led.acceleration, acceleration);
         for (int i = 0; i < n; ++i) {
             // The mean over the tick of qdd + jerk t, as the mean of its two ends.
             const double end = arm.nominal.qdd[i] + jerk[i] * kTick_s;
-            EXPECT_NEAR(motion.acceleration[i], (arm.nominal.qdd[i] + end) / 2, 1e-13);
-            EXPECT_NEAR(motion.torque[i], calcTorque(arm.dynamics, motion.acceleration, i), 1e-11);
-        }
-    }
-}
-
-TEST(SafetyFilter, AHeldAccelerationGivesTheJerkThatLeadsThereInOneTick) {
-    std::mt19937 random(2);
-    for (int n = 1; n <= kMaxJoints; ++n) {
-        const Arm arm = makeRandomArm(n, random);
-        const JointVector acceleration = makeRandomVector(n, 12, random);
-        FilterDecision decision;
-        decision.holdAcceleration(acceleration);
-        EXPECT_EQ(decision.held, HeldQuantity::Acceleration);
-        const HeldMotion motion = calcMotion(arm, decision);
-        EXPECT_EQ(motion.acceleration, acceleration);
-        for (int i = 0; i < n; ++i) {
-            EXPECT_NEAR(arm.nominal.qdd[i] + motion.jerk[i] * kTick_s, acceleration[i], 1e-12);
-            EXPECT_NEAR(motion.torque[i], calcTorque(arm.dynamics, acceleration, i), 1e-11);
+            EXPECT_NEAR(mean.acceleration[i], (arm.nominal.qdd[i] + end) / 2, 1e-13);
+            EXPECT_NEAR(mean.torque[i], calcTorque(arm.dynamics, mean.acceleration, i), 1e-11);
+            EXPECT_NEAR(arm.nominal.qdd[i] + led.jerk[i] * kTick_s, acceleration[i], 1e-12);
+            EXPECT_NEAR(led.torque[i], calcTorque(arm.dynamics, acceleration, i), 1e-11);
         }
     }
 }

@@ -109,13 +109,17 @@ TEST(TickPacer, ASignalEndsTheWaitAndTheTickIsStillToCome) {
     TickPacer pacer(0.5);
     pacer.start();
     const std::int64_t next = pacer.getNext_ns();
-    std::thread other([target = pthread_self()] {
-        pauseFor(20'000'000);
-        pthread_kill(target, SIGUSR1);
+    std::atomic<bool> isOver{false};
+    std::thread other([&, target = pthread_self()] {
+        while (!isOver) {
+            pauseFor(20'000'000);
+            pthread_kill(target, SIGUSR1);
+        }
     });
     const WakeUp first = pacer.wait();
+    isOver = true;
     other.join();
-    EXPECT_EQ(signals, 1);
+    EXPECT_GT(signals, 0);
     EXPECT_TRUE(first.isInterrupted);
     EXPECT_EQ(first.tick, 0);
     EXPECT_LT(TickPacer::readClock_ns(), next) << "the wait was not ended";

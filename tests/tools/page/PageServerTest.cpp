@@ -812,9 +812,9 @@ TEST_F(PageServerTest, Fault63_OneOperatorAndAnotherByTakingOver) {
     auto one = join(&first);
     auto two = join(&second);
     one->send(makeFrame(kText, "take"));
-    two->send(makeFrame(kText, "take"));  // too late
     one->send(makeFrame(kBinary, makeHand(1, feed_->now())));
     EXPECT_TRUE(await([&] { return server_.counts().hands == 1; }));
+    two->send(makeFrame(kText, "take"));  // too late
     const std::uint64_t engagement = feed_->take().message.engagement;
     EXPECT_NE(engagement, 0u);
     two->send(makeFrame(kBinary, makeHand(1, feed_->now())));

@@ -33,14 +33,15 @@ struct HandMadeRun {
         r.stops[0] = {1.0 - std::abs(q), 0.0};
         result.summary.add(r);
     }
-    /** A tick of a tool at `place`, turned about z, whose command waves along x. */
-    void addTool(const Eigen::Vector3d& place, double turn = 0.0) {
+    /** A tick of a tool at `place`, turned about z, whose command waves along x, or is at `asked`, and turned, too. */
+    void addTool(const Eigen::Vector3d& place, double turn = 0.0, double asked = kNan, double askedTurn = 0.0) {
         TickRecord r;
         r.time_s = 0.001 * static_cast<double>(ticks++);
         r.limits = limits;
         r.nominal = {JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1), JointVector::Zero(1)};
         r.command.space = MotionCommand::Space::Tool;
-        r.command.tool.position = Eigen::Vector3d(0.1 * std::sin(r.time_s), 0.0, 0.0);
+        r.command.tool.position.x() = std::isnan(asked) ? 0.1 * std::sin(r.time_s) : asked;
+        r.command.tool.orientation = Eigen::AngleAxisd(askedTurn, Eigen::Vector3d::UnitZ());
         r.tool.position = place;
         r.tool.orientation = Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ());
         r.removedTorque.setZero(1);
@@ -327,7 +328,7 @@ TEST(Verdict, JointCommandsThatMoveAreJudgedAsThoseOfATool) {
     EXPECT_TRUE(findProblems(late).empty()) << formatVerdict(late);
     expectContains(
         tellCase(late).text,
-        {"the ways to its set-points included; whether joint0 follows cannot be told, as no set-point stood"});
+        {"the ways to its set-points included; whether joint0 follows cannot be told, as its set-points stood"});
     EXPECT_EQ(tellCase(late).gravity, Gravity::Doubtful);
     // A joint that slides is told in millimetres.
     CaseResult slides = lags;
@@ -389,16 +390,29 @@ TEST(Verdict, AnArmThatMovesAwayFromANewSetPointHasTheTimeToTurnRound) {
     };
     const CaseResult r = follow(go, [](double t) { return t < 1.0 ? 0.9 : 0.05; });
     EXPECT_TRUE(findProblems(r).empty()) << formatVerdict(r);
+    EXPECT_LT(r.summary.following(0).atRest().rms(0.001), 1e-3);
 }
 
 // As fast as the limits allow: no set-point is missed, at whatever time the first one comes.
 TEST(Verdict, AFirstStepIsASetPointWheneverItComes) {
-    for (const double at_s : {0.02, 0.3, 0.7}) {
-        const auto step = [=](double t) { return t < at_s ? 0.0 : 0.8; };
-        const CaseResult r = follow([&](double t) { return step(t - 2.0); }, step);
-        EXPECT_TRUE(findProblems(r).empty()) << at_s << ": " << formatVerdict(r);
-        EXPECT_EQ(tellCase(r).gravity, Gravity::Good);
+    for (const double from : {0.0, 0.1})
+        for (const double at_s : {0.02, 0.3, 0.7}) {
+            const CaseResult r = follow([=](double t) { return t - 2.0 < at_s ? from : 0.8; },
+                                        [=](double t) { return t < at_s ? 0.0 : 0.8; });
+            EXPECT_TRUE(findProblems(r).empty()) << at_s << ": " << formatVerdict(r);
+            EXPECT_EQ(tellCase(r).gravity, Gravity::Good);
+        }
+}
+
+// Half a turn on, its quaternion has another sign: that is no motion.
+TEST(Verdict, AToolThatStandsDoesNotSwingAndOneWithoutTimeIsNotJudged) {
+    HandMadeRun turns, jumps;
+    for (int k = 0; k < 4000; ++k) {
+        turns.addTool(Eigen::Vector3d::Zero(), 0.0, 0.0, kPi * k / 1000);
+        jumps.addTool(Eigen::Vector3d::Zero(), 0.0, k / 300 % 2 ? 0.2 : 0.0);
     }
+    expectContains(formatVerdict(turns.result), {"the tool's orientation misses its command"});
+    expectContains(tellCase(jumps.result).text, {"whether the tool follows cannot be told"});
 }
 
 /** Ten seconds of a tool that waves along x as commanded, with what else it does. */
@@ -554,8 +568,8 @@ TEST(Summary, ACaseIsOneSentenceThatBeginsWithItsWorstAndATableOfHundredColumns)
     for (HandMadeRun* run : {&good, &bad}) run->add(run == &good ? 0.5 : 1.5, FilterStatus::Passed, StopVerdict::Safe);
     EXPECT_EQ(tellCase(good.result).text,
               "the arm was 500 mrad from its command, RMS, the ways to its set-points included; whether joint0 "
-              "follows cannot be told, as no set-point stood for the time that its limits need; the nominal arm kept "
-              "its joints' limits, without a guarantee.");
+              "follows cannot be told, as its set-points stood for less than 0.5 s beyond what its limits need; the "
+              "nominal arm kept its joints' limits, without a guarantee.");
     EXPECT_EQ(tellCase(bad.result).gravity, Gravity::Broken);
     EXPECT_EQ(tellCase(bad.result).text.find("nominal arm: limits broken: position by 0.5 rad; the arm was"), 0u);
     bad.result.stopReason = StopReason::ControllerFailed;
