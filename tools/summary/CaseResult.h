@@ -77,7 +77,7 @@ struct Problem {
 /** A real arm that does not follow, motors at their limits, a tool or a joint that misses its command or swings about it,
 joints that chatter at a limit. */
 std::vector<Problem> findProblems(const CaseResult& result);
-/** What was far from set-points that stood for less than its limits need, and farthest; empty: nothing. */
+/** What was far from set-points that stood for less than 0.5 s beyond what its limits need, and farthest; empty: nothing. */
 std::string nameUnjudged(const Summary& summary);
 
 /** What became of the limits and of the job, in one line. */

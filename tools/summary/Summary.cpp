@@ -105,17 +105,19 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     const double has = tick_s > 0.0 ? (at - lastAt_).norm() / tick_s : 0.0;
     patience_s_ -= tick_s;
     arrival_s_ -= tick_s;
-    const bool jumps = isFirst ? ticks_ == 0 && error > kJump
-                               : (rested_s_ > kLongestPeriod_s || (moves_ == 0 && jumps_ <= 1)) && move > most;
-    if (jumps) {
+    const bool isJump = isFirst ? ticks_ == 0 && error > kJump
+                                : (rested_s_ > kLongestPeriod_s || (moves_ == 0 && jumps_ <= 1)) && move > most;
+    if (isJump) {
         jump_ = std::max(jump_, error);
         if (jumps_++ == 0 && moves_ == 0) judged_ = atRest_ = {};  // nothing was asked for before
     } else if (move > 0.0) {
         ++moves_;
     }
-    // Who never moved is at its place when a set-point returns there: that shows nothing.
-    if (isFirst || move > 0.0) arrival_s_ = pace.patience(std::max(error, move), has);
-    if (jumps || (isFirst && ticks_ > 0)) patience_s_ = arrival_s_;
+    if (isFirst || move > 0.0) arrival_s_ = pace.patience(error, has);
+    if (isJump || (jumps() && move > most) || (isFirst && ticks_ > 0)) {
+        patience_s_ = arrival_s_;
+        way_ = error;
+    }
     const double period_s = rested_s_ > kLongestPeriod_s ? tick_s : rested_s_ + tick_s;  // of the samples
     rested_s_ = move > 0.0 ? 0.0 : rested_s_ + tick_s;
     if (tick_s > 0.0 && !isFirst) {
@@ -130,11 +132,14 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     squaredError_ += error * error;
     largest_ = std::max(largest_, error);
     ++ticks_;
-    for (auto [account, wait_s] : {std::pair{&judged_, patience_s_}, std::pair{&atRest_, arrival_s_}}) {
-        if (wait_s > 0.0 || (account == &atRest_ && rested_s_ <= kLongestPeriod_s)) continue;
-        account->squared += error * error;
-        ++account->ticks;
-    }
+    const auto judge = [&](Judged& account, double share, bool isOver) {
+        // Who stands does not miss a set-point that comes so near: it shows nothing.
+        if (!isOver || (jumps() && std::max(way_, error) <= 0.5 * share * jump_)) return;
+        account.squared += error * error;
+        ++account.ticks;
+    };
+    judge(judged_, kMissed, patience_s_ <= 0.0);
+    judge(atRest_, kMissedAtRest, arrival_s_ <= 0.0 && rested_s_ > kLongestPeriod_s);
     addCauses(error * error, acting, tick_s);
 }
 

@@ -403,9 +403,7 @@ TEST(ToolFollower, SpareJointsOfAnArmAtItsCommandGoTheirWay) {
     arm.start.q[2] = -1.5;
     const Pose command = arm.calcDynamics(arm.start.q, JointVector::Zero(arm.size())).tool;
     ToolFollower follower;
-    ToolFollowerOptions options;
-    options.reference = {0.2, 5.0, 0.0};
-    follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, options);
+    follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, {{0.2, 5.0, 0.0}});
     MotionState state = arm.start;
     JointVector jerk;
     double worst = 0.0;
@@ -428,10 +426,7 @@ TEST(ToolFollower, TheLeadCostsNoSpeed) {
                 arm.limits.position.lower.setConstant(-100.0);
                 arm.limits.position.upper.setConstant(100.0);
                 ToolFollower follower;
-                ToolFollowerOptions options;
-                options.share = share;
-                options.reference = {0.2, 0.0, 0.0};
-                follower.configure(arm.robot, arm.limits, tick_s, arm.start, options);
+                follower.configure(arm.robot, arm.limits, tick_s, arm.start, {{0.2, 0.0, 0.0}, share});
                 MotionState state = arm.start;
                 JointVector jerk;
                 double fastest = 0.0;
@@ -511,9 +506,7 @@ TEST(ToolFollower, AWeakJointDoesNotLeadTheToolPastACommandThatJumps) {
                 const Pose command = placeTool(arm.start.q + makeRandomVector(arm.size(), 0.5, random));
                 const Eigen::Vector3d way = command.position - placeTool(arm.start.q).position;
                 ToolFollower follower;
-                ToolFollowerOptions options;
-                options.reference = {0.2, 0.0, 0.0};
-                follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, options);
+                follower.configure(arm.robot, arm.limits, arm.tick_s, arm.start, {{0.2, 0.0, 0.0}});
                 MotionState state = arm.start;
                 JointVector jerk;
                 double beyond_m = 0.0;

@@ -377,13 +377,16 @@ TEST(RunReport, ALogCutOffIsNotShownAsWholeBySummary) {
     json summary = json::parse(std::ifstream(run.path() / "summary.json"));
     summary["cases"][0].erase("grade");  // as older ones
     EXPECT_EQ(run.report().data["cases"][0]["grade"], "good");
-    for (const bool isKept : {false, true}) {
-        summary["cases"][0]["limits_kept"] = isKept;
+    const auto grade = [&](const char* key, const json& value) {
+        summary["cases"][0][key] = value;
         std::ofstream(run.path() / "summary.json") << summary;
-        EXPECT_EQ(run.report().data["cases"][0]["grade"], isKept ? "doubtful" : "broken");
-    }
-    summary["cases"][0]["grade"] = "good";
-    std::ofstream(run.path() / "summary.json") << summary;
+        return run.report().data["cases"][0]["grade"];
+    };
+    EXPECT_EQ(grade("limits_kept", false), "broken");
+    EXPECT_EQ(grade("limits_kept", true), "doubtful");
+    grade("stop_time_s", 1.0);
+    EXPECT_EQ(grade("stop", "stopped at 1 s: the filter plugin 'x' ended the case: y"), "failed");
+    EXPECT_EQ(grade("grade", "good"), "good");
     const auto log = run.path() / "A.mcap";
     std::filesystem::resize_file(log, std::filesystem::file_size(log) * 2 / 3);
     const json one = run.report().data["cases"][0];
