@@ -77,8 +77,9 @@ struct Problem {
 /** A real arm that does not follow, motors at their limits, a tool or a joint that misses its command or swings about it,
 joints that chatter at a limit. */
 std::vector<Problem> findProblems(const CaseResult& result);
-/** What was far from set-points that stood for less than 0.5 s beyond what its limits need, and farthest; empty: nothing. */
-std::string nameUnjudged(const Summary& summary);
+/** "whether joint0 follows cannot be told, as ...": what hardly moved, or was far from set-points that stood for less than 0.5 s
+beyond what its limits need; the farthest. Empty: nothing. */
+std::string tellUnjudged(const Summary& summary);
 
 /** What became of the limits and of the job, in one line. */
 std::string formatVerdict(const CaseResult& result);

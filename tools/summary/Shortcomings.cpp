@@ -17,8 +17,10 @@ constexpr double kSmallPhase_rad = 0.5 * kEnoughPhase_rad;
 constexpr double kSaturatedShare = 0.01;
 /** A robust loop that reverses its torque as often in the time at the limit is what drives the motor there [s]. */
 constexpr double kReversal_s = 0.025;
-/** What misses its command and is faster than that by so much swings. */
-constexpr double kSwinging = 1.1;
+/** A command is missed where the error is more than this share of how the command moves about its mean place: what stands
+still there has 1. One that rests for long enough is missed from the next share on. What misses and is faster than the
+command by the last swings. */
+constexpr double kMissedShare = 0.4, kMissedAtRest = 0.1, kSwinging = 1.1;
 /** Nearer than this nothing misses: a tool [m], its orientation [rad], a joint [rad, m]. */
 constexpr double kLeastMiss_m = 0.01, kLeastTurnMiss = 0.05, kLeastJointMiss = 0.01;
 /** RMS jerk of joints that rest at a limit, as a share of the jerk limit, from which on they chatter. */
@@ -145,8 +147,8 @@ struct Miss {
 Miss findMiss(const Following& f, double least, double tick_s) {
     const double moving = f.judged().rms(tick_s), resting = f.atRest().rms(tick_s);
     const auto show = [&](double rms) { return std::isnan(rms) ? f.errorRms() : rms; };
-    const Miss first{moving / std::max(Following::kMissed * f.asked(), least), show(moving), f.jumps()};
-    const Miss second{resting / std::max(Following::kMissedAtRest * f.asked(), least), resting, true};
+    const Miss first{moving / std::max(kMissedShare * f.asked(), least), show(moving), f.jumps()};
+    const Miss second{resting / std::max(kMissedAtRest * f.asked(), least), resting, true};
     return first.size > 1.0 || !(second.size > 1.0) ? first : second;
 }
 
@@ -260,19 +262,22 @@ void addStandstill(const CaseResult& r, std::vector<Problem>& found) {
 
 }  // namespace
 
-std::string nameUnjudged(const Summary& s) {
-    std::string name;
-    double most = 1.0;
+std::string tellUnjudged(const Summary& s) {
+    std::string text;
+    double most = 0.0;
     const auto look = [&](const Following& f, double least, const std::string& who) {
-        const double size = f.errorRms() / std::max(Following::kMissed * f.asked(), least);
-        if (!f.jumps() || !(size > most) || !std::isnan(f.judged().rms(s.tick_s()))) return;
+        const double size = f.errorRms() / std::max(kMissedShare * f.asked(), least);
+        const bool isShort = f.jumps() && size > 1.0 && std::isnan(f.judged().rms(s.tick_s()));
+        const bool stands = f.asked() > least && f.moved() < kMissedAtRest * f.asked();
+        if (!(isShort || stands) || !(size > most)) return;
         most = size;
-        name = who;
+        text = "whether " + who + " follows cannot be told, as it " +
+               (stands ? "hardly moved" : "had less than 0.5 s at its set-points beyond what its limits need");
     };
     look(s.tool(), kLeastMiss_m, "the tool");
     if (s.task().hasTurns) look(s.turn(), kLeastTurnMiss, "the tool's orientation");
     for (int i = 0; i < s.size(); ++i) look(s.following(i), kLeastJointMiss, s.jointName(i));
-    return name;
+    return text;
 }
 
 std::vector<Problem> findProblems(const CaseResult& r) {

@@ -95,7 +95,11 @@ double Following::Judged::rms(double tick_s) const {
 void Following::add(const Point& at, const Point& target, double error, const Pace& pace, unsigned acting,
                     double tick_s) {
     const bool isFirst = std::exchange(isFirst_, false);
-    if (ticks_ == 0) first_ = target;
+    if (ticks_ == 0) {
+        first_ = target;
+        firstAt_ = at;
+    }
+    moved_ = std::max(moved_, (at - firstAt_).norm());
     if (isFirst) {
         lastTarget_ = target;
         lastAt_ = at;
@@ -113,11 +117,9 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     } else if (move > 0.0) {
         ++moves_;
     }
-    if (isFirst || move > 0.0) arrival_s_ = pace.patience(error, has);
-    if (isJump || (jumps() && move > most) || (isFirst && ticks_ > 0)) {
-        patience_s_ = arrival_s_;
-        way_ = error;
-    }
+    // Where it is taken back at once the arm may still go, by its delay and its acceleration.
+    if (isFirst || move > 0.0) arrival_s_ = pace.patience(std::max(error, move), has);
+    if (isFirst || isJump || (jumps() && move > most)) patience_s_ = arrival_s_;
     const double period_s = rested_s_ > kLongestPeriod_s ? tick_s : rested_s_ + tick_s;  // of the samples
     rested_s_ = move > 0.0 ? 0.0 : rested_s_ + tick_s;
     if (tick_s > 0.0 && !isFirst) {
@@ -132,14 +134,11 @@ void Following::add(const Point& at, const Point& target, double error, const Pa
     squaredError_ += error * error;
     largest_ = std::max(largest_, error);
     ++ticks_;
-    const auto judge = [&](Judged& account, double share, bool isOver) {
-        // Who stands does not miss a set-point that comes so near: it shows nothing.
-        if (!isOver || (jumps() && std::max(way_, error) <= 0.5 * share * jump_)) return;
-        account.squared += error * error;
-        ++account.ticks;
-    };
-    judge(judged_, kMissed, patience_s_ <= 0.0);
-    judge(atRest_, kMissedAtRest, arrival_s_ <= 0.0 && rested_s_ > kLongestPeriod_s);
+    for (auto [account, wait_s] : {std::pair{&judged_, patience_s_}, std::pair{&atRest_, arrival_s_}}) {
+        if (wait_s > 0.0 || (account == &atRest_ && rested_s_ <= kLongestPeriod_s)) continue;
+        account->squared += error * error;
+        ++account->ticks;
+    }
     addCauses(error * error, acting, tick_s);
 }
 

@@ -77,13 +77,11 @@ public:
     double share(LimitKind kind) const;
     static constexpr double kWayBack_s = 1.0;
 
+    double moved() const { return moved_; }  ///< at most, from where it was first
     /** The command jumps, at its begin or after rests, and moves no more often: it is one of set-points. */
     bool jumps() const { return jumps_ > 0 && jumps_ >= moves_; }
     /** What is asked for: the command's spread, of set-points also half the largest distance to one when it came. */
     double asked() const { return jumps() ? std::max(spread(), jump_ / 2.0) : spread(); }
-    /** A command is missed where the error is more than this share of what is asked for: what stands still there has 1. One that
-    rests for long enough is missed from the next share on. */
-    static constexpr double kMissed = 0.4, kMissedAtRest = 0.1;
     /** The ticks that are judged: all but those of Pace::patience() after a jump, which no arm follows at once; and of a
     command that rests those after that time. */
     struct Judged {
@@ -105,11 +103,12 @@ private:
     void addSwing(double error, bool isAtRest);
     void addCauses(double squaredError, unsigned acting, double tick_s);
 
-    Point first_ = Point::Zero(), lastAt_ = first_, lastTarget_ = first_, sum_ = first_;
-    double squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0, squaredTargetSpeed_ = 0.0;
+    Point first_ = Point::Zero(), firstAt_ = first_, lastAt_ = first_, lastTarget_ = first_, sum_ = first_;
+    double moved_ = 0.0, squared_ = 0.0, squaredError_ = 0.0, largest_ = 0.0, squaredSpeed_ = 0.0,
+           squaredTargetSpeed_ = 0.0;
     std::int64_t ticks_ = 0, jumps_ = 0, moves_ = 0;
     bool isFirst_ = true;
-    double jump_ = 0.0, way_ = 0.0;  // largest distance to a set-point when it came; to the last one
+    double jump_ = 0.0;
     double rested_s_ = 0.0, patience_s_ = 0.0, arrival_s_ = 0.0;  // of the command; left after a jump; after any motion
     Judged judged_, atRest_;
     std::array<double, kMostLimitKinds> squaredBy_{};

@@ -644,12 +644,9 @@ CaseSentence tellCase(const CaseResult& r) {
     for (const Problem& problem : problems)
         add(problem.kind == Problem::Kind::DoesNotFollow ? Gravity::Broken : Gravity::Doubtful,
             dropParentheses(problem.text));
-    const std::string unjudged = isTold ? "" : nameUnjudged(s);
+    const std::string unjudged = isTold ? "" : tellUnjudged(s);
     if (!isTold) add(unjudged.empty() ? Gravity::Good : Gravity::Doubtful, tellFollowing(s));
-    if (!unjudged.empty())
-        add(Gravity::Doubtful,
-            "whether " + unjudged +
-                " follows cannot be told, as its set-points stood for less than 0.5 s beyond what its limits need");
+    add(Gravity::Doubtful, unjudged);
     if (const std::size_t n = r.warnings.size(); n > 0)
         add(Gravity::Doubtful, n == 1 ? "there is a warning" : format("there are %zu warnings", n));
     const bool isKept = !s.anyLimitBroken() && !s.endsOutside();
