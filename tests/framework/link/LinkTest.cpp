@@ -893,10 +893,10 @@ TEST(LinkLine, SharedMemoryThatOthersCanWriteToOrThatNoRobotHasIsRefused) {
 /** Robots that come and go under one name: whoever has opened it can be found by hosts. */
 TEST(LinkLine, ARobotThatComesWhileAnotherOneGoesIsFound) {
     const std::string name = makeName();
-    std::atomic<int> lost{0}, served{0};
+    std::atomic<int> lost{0};
     const auto work = [&] {
         char error[256];
-        for (int k = 0; k < 3000; ++k) {
+        for (int served = 0; served < 500;) {  // however long another one has it
             vl_line robot, host;
             if (vl_line_open(&robot, name.c_str(), 1, error, sizeof error) != 0) continue;
             ++served;
@@ -911,7 +911,6 @@ TEST(LinkLine, ARobotThatComesWhileAnotherOneGoesIsFound) {
     one.join();
     two.join();
     EXPECT_EQ(lost, 0);
-    EXPECT_GT(served, 500);
 }
 
 /** While a robot has a host, packets of others do not even reach it; and afterwards the next one does. */
