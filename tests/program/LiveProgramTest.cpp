@@ -36,8 +36,7 @@ std::vector<std::string> listChanges(const json& live) {
 
 void await(const Program& program, const std::string& words, const std::string& after = "") {
     for (int k = 0; k < 3000; ++k) {
-        const std::string text = program.output();
-        if (const auto from = text.find(after); from != text.npos && text.find(words, from) != text.npos) return;
+        if (const std::string text = program.output(); text.find(words, text.find(after)) != text.npos) return;
         sleepFor(0.01);
     }
     FAIL() << "'" << words << "' was not said in 30 s:\n" << program.output();

@@ -43,9 +43,9 @@ struct Pace {
     double duration(double way) const;
     /** From a speed to rest, or back [s]. */
     double stop(double from) const;
+    static constexpr double kAllowance = 1.25;
     /** What is left to a joint or a tool for a way: its stop from the speed that it has, perhaps away, and kAllowance times what
     it needs from there [s]. */
-    static constexpr double kAllowance = 1.25;
     double patience(double way, double from) const {
         return kAllowance * duration(way + 0.5 * from * stop(from)) + stop(from);
     }

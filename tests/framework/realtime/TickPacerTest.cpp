@@ -100,8 +100,9 @@ TEST(TickPacer, OnTheClockItNeverWakesEarlyAndKeepsToItsTimes) {
 }
 
 TEST(TickPacer, ASignalEndsTheWaitAndTheTickIsStillToCome) {
+    static std::atomic<int> signals{0};
     struct sigaction action {};
-    action.sa_handler = [](int) {};
+    action.sa_handler = [](int) { ++signals; };
     action.sa_flags = SA_RESTART;  // sleeping is ended all the same
     struct sigaction before {};
     ASSERT_EQ(sigaction(SIGUSR1, &action, &before), 0);
@@ -118,6 +119,7 @@ TEST(TickPacer, ASignalEndsTheWaitAndTheTickIsStillToCome) {
     const WakeUp first = pacer.wait();
     isOver = true;
     other.join();
+    EXPECT_GT(signals, 0);
     EXPECT_TRUE(first.isInterrupted);
     EXPECT_EQ(first.tick, 0);
     EXPECT_LT(TickPacer::readClock_ns(), next) << "the wait was not ended";
